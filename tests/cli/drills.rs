@@ -90,7 +90,7 @@ fn a_run_that_is_killed_leaves_what_it_had_recorded() {
     replay.exits(0).says(&["the same: "]);
 }
 
-/// A disk that is full while the run records: no octet beyond the first 64 KiB.
+/// A disk that is full while the run records: no byte beyond the first 64 KiB.
 #[test]
 fn a_run_whose_disk_is_full_goes_on_and_tells_what_is_missing() {
     let here = folder();

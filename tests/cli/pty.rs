@@ -31,7 +31,7 @@ fn emulator(here: &Folder, flags: &str) -> (Process, String) {
 }
 
 #[test]
-fn a_pair_carries_octets_both_ways_until_ctrl_c() {
+fn a_pair_carries_bytes_both_ways_until_ctrl_c() {
     let here = Folder::new();
     let names = ["a", "b"].map(|name| path(&here, name));
     let begin = format!("{} <-> {} at ", names[0], names[1]);

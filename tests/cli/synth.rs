@@ -22,7 +22,7 @@ fn a_folder_is_a_population_that_a_scene_can_use() {
     );
     here.run("render --scene scene.toml --out frames").quiet();
 
-    // The same again, to the last octet.
+    // The same again, to the last byte.
     here.run(&format!("{synth} --out again")).exits(0);
     assert_eq!(here.contents("made"), here.contents("again"));
 }

@@ -19,8 +19,8 @@ fn served(counters: Vec<(&'static str, u32)>) -> String {
         attitude_age_s: 0.0,
         first_pixel: Duration::ZERO,
         last_pixel: Duration::ZERO,
-        first_octet: Duration::ZERO,
-        last_octet: Duration::ZERO,
+        first_byte: Duration::ZERO,
+        last_byte: Duration::ZERO,
         spare_s: 0.0,
         whole: true,
     });

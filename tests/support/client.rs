@@ -54,7 +54,7 @@ pub struct Refused {
     pub detail: String,
 }
 
-/// A packet's octets.
+/// A packet's bytes.
 pub fn packet(command: &Command, count: u16, time: WireTime) -> Vec<u8> {
     let mut buffer = [0; MAX_PACKET];
     let length = command.encode(count, time, &mut buffer).unwrap();

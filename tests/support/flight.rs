@@ -176,7 +176,7 @@ pub fn fly_between(
 
 impl Flight {
     /// How long the link says that a frame of 20 windows and 12 objects takes.
-    // X-Val: packets of a header, four times five windows, and the objects: 90, 1260 and 673 octets (src/live/serve/budget.rs).
+    // X-Val: packets of a header, four times five windows, and the objects: 90, 1260 and 673 bytes (src/live/serve/budget.rs).
     pub fn windows_airtime(&self) -> Duration {
         let airtime = self.airtime.as_ref().unwrap();
         airtime(90) + 4 * airtime(1260) + airtime(673)

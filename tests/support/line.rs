@@ -1,4 +1,4 @@
-//! A client's end of each link: octets out, packets in.
+//! A client's end of each link: bytes out, packets in.
 
 use serialport::{SerialPort, TTYPort};
 use skyloop_firmware_sim::port::Port;
@@ -140,7 +140,7 @@ impl PtyLine {
         }
     }
 
-    /// Sends octets as they are.
+    /// Sends bytes as they are.
     pub fn raw(&mut self, bytes: &[u8]) {
         self.near.write_all(bytes).unwrap();
     }

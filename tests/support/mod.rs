@@ -29,7 +29,7 @@ use std::time::{Duration, Instant};
 pub const TIMEOUT: Duration = Duration::from_secs(20);
 
 /// 2019-06-15T23:35:50 UTC, the first epoch of the built-in scene.
-// X-Val: the worked example of protocols/docs/icd.md, octets 6-13.
+// X-Val: the worked example of protocols/docs/icd.md, bytes 6-13.
 pub const EPOCH: WireTime = WireTime(0x7397_df7b_0000_0000);
 /// Attitude at that epoch.
 // X-Val: the touchstone of the conventions, RA 248.112 Dec +9.215 degrees.
@@ -49,7 +49,7 @@ pub fn attitude(sequence: u32) -> Attitude {
         sequence,
         q_icrf_to_body: Q,
         rates_rad_s: [0.0; 3],
-        // X-Val: the worked example of protocols/docs/icd.md, octets 76-123.
+        // X-Val: the worked example of protocols/docs/icd.md, bytes 76-123.
         state: Some(OrbitState {
             position_m: [-4340768.444, 848975.278, -5362534.303],
             velocity_m_s: [5544.406469, -3022.740430, -4386.550226],

@@ -70,7 +70,7 @@ fn a_short_sequence_is_written_and_stands_beside_the_published_figures() {
 
     let folder = out.path().join("2-images");
     for name in ["frame_00000", "frame_00001"] {
-        // A FITS file has 256 x 256 pixels of 16 bit after its header, in blocks of 2,880 octets.
+        // A FITS file has 256 x 256 pixels of 16 bit after its header, in blocks of 2,880 bytes.
         let fits = std::fs::metadata(folder.join(format!("{name}.fits"))).unwrap();
         assert!(fits.len() > 2 * 256 * 256 && fits.len().is_multiple_of(2880));
         assert!(folder.join(format!("{name}.png")).is_file());

@@ -1,11 +1,11 @@
-//! The two checksums, bit by bit, and octets as text: nothing here is shared with the codecs.
+//! The two checksums, bit by bit, and hexadecimal text. The codecs share none of this code.
 
 use crate::text::each;
 
 /// CRC-16/CCITT-FALSE.
-pub fn crc16(octets: &[u8]) -> u16 {
-    octets.iter().fold(0xFFFF, |crc, octet| {
-        (0..8).fold(crc ^ u16::from(*octet) << 8, |crc, _| match crc & 0x8000 {
+pub fn crc16(bytes: &[u8]) -> u16 {
+    bytes.iter().fold(0xFFFF, |crc, byte| {
+        (0..8).fold(crc ^ u16::from(*byte) << 8, |crc, _| match crc & 0x8000 {
             0 => crc << 1,
             _ => crc << 1 ^ 0x1021,
         })
@@ -13,9 +13,9 @@ pub fn crc16(octets: &[u8]) -> u16 {
 }
 
 /// CRC-32 of IEEE 802.3.
-pub fn crc32(octets: &[u8]) -> u32 {
-    !octets.iter().fold(!0, |crc, octet| {
-        (0..8).fold(crc ^ u32::from(*octet), |crc, _| match crc & 1 {
+pub fn crc32(bytes: &[u8]) -> u32 {
+    !bytes.iter().fold(!0, |crc, byte| {
+        (0..8).fold(crc ^ u32::from(*byte), |crc, _| match crc & 1 {
             0 => crc >> 1,
             _ => crc >> 1 ^ 0xEDB8_8320,
         })
@@ -23,28 +23,28 @@ pub fn crc32(octets: &[u8]) -> u32 {
 }
 
 /// Hexadecimal digits.
-pub fn hex(octets: &[u8]) -> String {
-    each(octets, |octet| format!("{octet:02x}"))
+pub fn hex(bytes: &[u8]) -> String {
+    each(bytes, |byte| format!("{byte:02x}"))
 }
 
-/// Octets from hexadecimal digits; blanks are decoration.
+/// Bytes from hexadecimal digits; ignores blanks.
 ///
 /// # Errors
-/// Anything else.
+/// The text has other characters or half a byte.
 pub fn from_hex(text: &str) -> Result<Vec<u8>, String> {
     let digits: String = text.split_whitespace().collect();
     let wrong = || format!("{text:?} is not hexadecimal octets");
-    let octet = |at| {
+    let byte = |at| {
         let pair = digits.get(at..at + 2).ok_or_else(wrong)?;
         u8::from_str_radix(pair, 16).map_err(|_| wrong())
     };
-    (0..digits.len()).step_by(2).map(octet).collect()
+    (0..digits.len()).step_by(2).map(byte).collect()
 }
 
-/// Bits put one after the other, the most significant first.
+/// A sequence of bits, most significant first.
 #[derive(Debug, Default)]
 pub struct Bits {
-    octets: Vec<u8>,
+    bytes: Vec<u8>,
     used: usize,
 }
 
@@ -53,19 +53,19 @@ impl Bits {
     pub fn put(&mut self, value: u64, bits: usize) {
         for bit in (0..bits).rev() {
             if self.used.is_multiple_of(8) {
-                self.octets.push(0);
+                self.bytes.push(0);
             }
             let set = bit < 64 && value >> bit & 1 == 1;
-            if let (true, Some(last)) = (set, self.octets.last_mut()) {
+            if let (true, Some(last)) = (set, self.bytes.last_mut()) {
                 *last |= 0x80 >> (self.used % 8);
             }
             self.used += 1;
         }
     }
 
-    /// All of them; zeros fill the last octet.
-    pub fn octets(self) -> Vec<u8> {
-        self.octets
+    /// The bytes, the last filled up with zeros.
+    pub fn bytes(self) -> Vec<u8> {
+        self.bytes
     }
 }
 
@@ -73,7 +73,7 @@ impl Bits {
 mod tests {
     use super::{crc16, crc32};
 
-    // X-Val: check values of the catalogue of parametrised CRC algorithms (CRC-16/IBM-3740, CRC-32/ISO-HDLC).
+    // X-Val: catalogue of parametrised CRC algorithms (CRC-16/IBM-3740, CRC-32/ISO-HDLC).
     #[test]
     fn published_check_values() {
         assert_eq!(crc16(b"123456789"), 0x29B1);

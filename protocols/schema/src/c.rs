@@ -1,4 +1,4 @@
-//! `include/skyloop.h`: C99, one header, no allocation. What has no rule to be generated from is written by hand in `c/`.
+//! `include/skyloop.h`: C99, one header, no allocation. The parts in `c/` are written by hand.
 
 mod can;
 mod codecs;
@@ -40,7 +40,7 @@ pub fn header(schema: &Schema) -> Result<String, String> {
     for structure in &schema.structs {
         out += &type_text(structure, &members(&structure.fields));
         let fields = schema.flat(&structure.fields);
-        if let Some(length) = fields.iter().map(Field::octets).sum::<Option<usize>>() {
+        if let Some(length) = fields.iter().map(Field::bytes).sum::<Option<usize>>() {
             let name = upper(&structure.name);
             out += &format!("#define SKYLOOP_{name}_LENGTH {length}U\n");
         }
@@ -87,7 +87,7 @@ fn function(signature: &str, body: &str) -> String {
     format!("static inline {signature}\n{{\n{}}}\n", indent(body, 4))
 }
 
-/// A `switch`, whose cases stand in its column.
+/// A `switch` with its cases at the same indentation.
 fn switch(on: &str, cases: &str, default: &str) -> String {
     format!("switch ({on}) {{\n{cases}{}}}\n", case("default", default))
 }
@@ -107,14 +107,13 @@ fn count_to(length: usize, body: &str) -> String {
 
 fn number_type(number: Number) -> String {
     match number {
-        Number::Unsigned(octets) => format!("uint{}_t", 8 * octets),
+        Number::Unsigned(bytes) => format!("uint{}_t", 8 * bytes),
         Number::Float(4) => "float".to_owned(),
         Number::Float(_) => "double".to_owned(),
         Number::Time => "uint64_t".to_owned(),
     }
 }
 
-/// The name of a type.
 fn type_name(name: &str) -> String {
     format!("skyloop_{}_t", snake(name))
 }
@@ -127,7 +126,7 @@ fn member(kind: &str, name: &str, doc: &str) -> String {
 
 fn members<'a>(fields: impl IntoIterator<Item = &'a Field>) -> String {
     each(fields, |field| {
-        let (name, most) = (field.name.as_str(), field.most);
+        let (name, max) = (field.name.as_str(), field.most);
         let mut doc = field.doc.trim_end_matches('.').to_owned();
         if !field.unit.is_empty() {
             doc += &format!(" [{}]", field.unit);
@@ -139,7 +138,7 @@ fn members<'a>(fields: impl IntoIterator<Item = &'a Field>) -> String {
             _ if !field.bits.is_empty() => each(&field.bits, |bit| member("bool", bit, &doc)),
             (Kind::One(number), _) => array(number, String::new()),
             (Kind::Array(number, length), None) => array(number, format!("[{length}]")),
-            (Kind::Array(number, length), Some(_)) => array(number, format!("[{most}][{length}]")),
+            (Kind::Array(number, length), Some(_)) => array(number, format!("[{max}][{length}]")),
             (Kind::Ascii(length), _) => array(&Number::Unsigned(1), format!("[{length}]")),
             (Kind::Struct(kind), _) => member(&type_name(kind), name, &doc),
             (Kind::Rest(_), _) => {

@@ -1,4 +1,5 @@
-//! The DBC file of the CAN form: signals are big-endian, the upper halves of the f64s are IEEE 754 singles.
+//! The DBC file of the CAN form. Signals are big-endian; the upper halves of f64 are IEEE 754
+//! singles.
 
 use crate::NOTE;
 use crate::model::{CanFrame, Receiver, Schema, Signal};
@@ -52,13 +53,14 @@ fn declaration(frame: &CanFrame) -> String {
         let Signal {
             name, bits, unit, ..
         } = signal;
-        let (sign, most) = match signal.is_float() {
-            true => ('-', 0),
-            false => ('+', (1_u64 << bits) - 1),
+        let (sign, max) = if signal.is_float() {
+            ('-', 0)
+        } else {
+            ('+', (1_u64 << bits) - 1)
         };
-        // Bits of an octet are numbered from its last; a big-endian signal is named by its first.
+        // DBC numbers the bits of a byte from its last; a big-endian signal starts at its first.
         let start = at / 8 * 8 + (7 - at % 8);
-        format!(" SG_ {name} : {start}|{bits}@0{sign} (1,0) [0|{most}] \"{unit}\" {to}\n")
+        format!(" SG_ {name} : {start}|{bits}@0{sign} (1,0) [0|{max}] \"{unit}\" {to}\n")
     });
     format!("\nBO_ {id} {name}: {octets} {from}\n{signals}")
 }

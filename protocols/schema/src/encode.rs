@@ -1,4 +1,4 @@
-//! Packets from fields, read straight off the schema: what the generated codecs are checked against.
+//! Encoder by interpretation of the schema, as the reference for the generated codecs.
 
 use toml::{Table, Value};
 
@@ -6,10 +6,10 @@ use crate::bytes::{Bits, crc16, from_hex};
 use crate::mistake::Mistake;
 use crate::model::{Field, Kind, Number, Receiver, Record, Rest, Schema};
 
-/// The payload of a message with these fields. Missing fields are an error; values may be wrong.
+/// The payload of a message with these fields. Values may be out of range, for refused packets.
 ///
 /// # Errors
-/// A field that is missing or of another kind.
+/// A field is missing or has another kind.
 pub fn payload(
     schema: &Schema,
     message: &Record,
@@ -51,9 +51,9 @@ fn put(
             }
         }
         Kind::Ascii(length) => {
-            let mut octets = text(value)?.as_bytes().to_vec();
-            octets.resize(*length, 0);
-            out.extend(octets);
+            let mut bytes = text(value)?.as_bytes().to_vec();
+            bytes.resize(*length, 0);
+            out.extend(bytes);
         }
         Kind::Struct(name) => return Err(format!("{name} has fields of its own")),
         Kind::Rest(Rest::Pixels) => out.extend(pack(all, value)?),
@@ -76,11 +76,11 @@ fn put(
                 }
             }
         }
-        Kind::Rest(Rest::Octets) if value.is_table() => {
+        Kind::Rest(Rest::Bytes) if value.is_table() => {
             let (bits, pixels) = compressed(value)?;
             out.extend(crate::rice::encode(&pixels, bits));
         }
-        Kind::Rest(Rest::Octets | Rest::Utf8) => {
+        Kind::Rest(Rest::Bytes | Rest::Utf8) => {
             let text = text(value)?;
             match text.strip_prefix("hex:") {
                 Some(digits) => out.extend(from_hex(digits)?),
@@ -102,17 +102,18 @@ fn member<'a>(value: &'a Value, key: &str) -> Result<&'a Value, String> {
 /// Bits of a pixel and the pixels of `{ bits, rice }`.
 ///
 /// # Errors
-/// Anything else.
+/// The value has another form.
 pub fn compressed(value: &Value) -> Result<(usize, Vec<u64>), String> {
     let pixels = numbers(member(value, "rice")?)?;
     let pixels: Result<Vec<u64>, String> = pixels.iter().map(unsigned).collect();
     Ok((unsigned(member(value, "bits")?)? as usize, pixels?))
 }
 
-/// The elements of an array, nested ones in a row; `{ step, modulo, count }` stands for that many multiples.
+/// The elements of an array, flattened. `{ step, modulo, count }` is an array of so many multiples
+/// of `step`.
 ///
 /// # Errors
-/// Anything else.
+/// The value has another form.
 pub fn numbers(value: &Value) -> Result<Vec<Value>, String> {
     if value.is_table() {
         let [step, modulo, count] = ["step", "modulo", "count"].map(|key| value.get(key));
@@ -131,10 +132,10 @@ pub fn numbers(value: &Value) -> Result<Vec<Value>, String> {
     Ok(flat.flatten().collect())
 }
 
-/// A number that may be too large for TOML and stands in quotes then.
+/// An unsigned number; in quotes if it is too large for TOML.
 ///
 /// # Errors
-/// Anything else.
+/// The value has another form.
 pub fn unsigned(value: &Value) -> Result<u64, String> {
     let parsed = match value {
         Value::Integer(number) => u64::try_from(*number).ok(),
@@ -147,10 +148,10 @@ pub fn unsigned(value: &Value) -> Result<u64, String> {
     parsed.ok_or(format!("{value} is not an unsigned integer"))
 }
 
-/// A number with a fraction.
+/// A floating-point number.
 ///
 /// # Errors
-/// Anything else.
+/// The value has another form.
 pub fn float(value: &Value) -> Result<f64, String> {
     let integer = value.as_integer().map(|number| number as f64);
     let number = value.as_float().or(integer);
@@ -162,10 +163,10 @@ fn number_bytes(number: Number, value: &Value, out: &mut Vec<u8>) -> Result<(), 
         Number::Float(4) => out.extend((float(value)? as f32).to_be_bytes()),
         Number::Float(_) => out.extend(float(value)?.to_be_bytes()),
         Number::Unsigned(_) | Number::Time => {
-            let octets = unsigned(value)?.to_be_bytes();
-            let (spare, own) = octets.split_at(8 - number.octets());
-            if spare.iter().any(|octet| *octet != 0) {
-                return Err(format!("{value} has more than {} octets", number.octets()));
+            let bytes = unsigned(value)?.to_be_bytes();
+            let (spare, own) = bytes.split_at(8 - number.bytes());
+            if spare.iter().any(|byte| *byte != 0) {
+                return Err(format!("{value} has more than {} octets", number.bytes()));
             }
             out.extend(own);
         }
@@ -173,17 +174,17 @@ fn number_bytes(number: Number, value: &Value, out: &mut Vec<u8>) -> Result<(), 
     Ok(())
 }
 
-/// Pixels packed as the field `packing` says.
+/// Pixels with the bits of the field `packing`.
 fn pack(fields: &Table, pixels: &Value) -> Result<Vec<u8>, String> {
     let width = unsigned(fields.get("packing").ok_or("no packing")?)?;
     let mut bits = Bits::default();
     for pixel in numbers(pixels)? {
         bits.put(unsigned(&pixel)?, width as usize);
     }
-    Ok(bits.octets())
+    Ok(bits.bytes())
 }
 
-/// The packet around a payload, with what is to be `wrong` with it.
+/// The packet around a payload, with the errors in `wrong`.
 pub fn packet(
     schema: &Schema,
     message: &Record,
@@ -208,10 +209,10 @@ pub fn packet(
     out
 }
 
-/// The frames of the CAN form that carry a packet: identifiers and data.
+/// The frames of a packet in the CAN form: identifiers and data.
 ///
 /// # Errors
-/// A signal that holds something unknown.
+/// A signal has an unknown value.
 pub fn can_frames(
     schema: &Schema,
     groups: &[String],
@@ -228,16 +229,16 @@ pub fn can_frames(
             let context = |error: String| format!("{}.{}: {error}", frame.name, signal.name);
             bits.put(value.map_err(context)?, signal.bits);
         }
-        out.push((frame.id, bits.octets()));
+        out.push((frame.id, bits.bytes()));
     }
     Ok(out)
 }
 
-/// What a signal holds: see `of` in `packets.toml`.
+/// The value of a signal: see `of` in `packets.toml`.
 fn can_value(of: &str, packet: &[u8], fields: &Table, counter: u64) -> Result<u64, String> {
     let big_endian = |from: usize, to: usize| {
-        let octets = packet.get(from..to).unwrap_or_default().iter();
-        octets.fold(0, |value, octet| value << 8 | u64::from(*octet))
+        let bytes = packet.get(from..to).unwrap_or_default().iter();
+        bytes.fold(0, |value, byte| value << 8 | u64::from(*byte))
     };
     let field = |name: &str| fields.get(name).ok_or(format!("no {name}"));
     let words: Vec<&str> = of.split(' ').collect();

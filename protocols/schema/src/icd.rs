@@ -1,5 +1,5 @@
-//! The generated parts of `docs/icd.md`: the messages, the frames of the CAN form, the worked example. The text around them
-//! is written by hand.
+//! The generated parts of `docs/icd.md`: the messages, the frames of the CAN form, the worked
+//! example. The text around them is written by hand.
 
 use crate::NOTE;
 use crate::bytes::hex;
@@ -8,14 +8,14 @@ use crate::model::{Code, Enum, Field, Kind, Receiver, Record, Rest, Schema};
 use crate::text::{each, join};
 use crate::vectors::{Good, Vectors};
 
-/// Octets before the payload, and after it.
+/// Bytes before the payload, and after it.
 const HEADER: usize = 15;
 const CRC: usize = 2;
 
-/// `document` with its generated parts made anew.
+/// Renews the generated parts of `document`.
 ///
 /// # Errors
-/// A part without its marks.
+/// The marks of a part are missing.
 pub fn write(schema: &Schema, vectors: &Vectors, document: &str) -> Result<String, String> {
     let mut document = document.to_owned();
     let example = vectors.good.first().ok_or("no vector for the example")?;
@@ -52,9 +52,10 @@ fn messages(schema: &Schema) -> String {
         if let Some(text) = &message.before {
             out += &format!("{text}\n\n");
         }
-        out += &match message.opcodes.is_empty() {
-            true => table(schema, &schema.fields(message), HEADER),
-            false => commands(schema, message),
+        out += &if message.opcodes.is_empty() {
+            table(schema, &schema.fields(message), HEADER)
+        } else {
+            commands(schema, message)
         };
         let records = message
             .fields
@@ -79,7 +80,7 @@ const fn direction(to: Receiver) -> &'static str {
     }
 }
 
-/// Table cells with single blanks around what they hold.
+/// A row of a table, with blanks around the text of cells.
 fn row(cells: &[&str]) -> String {
     let cells = each(cells, |cell| match *cell {
         "" => " |".to_owned(),
@@ -97,21 +98,21 @@ fn table(schema: &Schema, fields: &[Field], from: usize) -> String {
     let mut out = FIELDS.to_owned();
     let (mut at, mut open) = (from, "");
     for field in fields {
-        let (offset, octets) = (format!("{at}{open}"), field.octets());
-        let size = octets.map_or("n".to_owned(), |octets| octets.to_string());
+        let (offset, bytes) = (format!("{at}{open}"), field.bytes());
+        let size = bytes.map_or("n".to_owned(), |bytes| bytes.to_string());
         let (kind, range) = (type_text(field), field.range_text(schema));
         let meaning = meaning(schema, field);
         let (name, unit) = (&field.name, &field.unit);
         out += &row(&[&offset, &size, &kind, name, unit, &range, &meaning]);
-        match octets {
-            Some(octets) => at += octets,
+        match bytes {
+            Some(bytes) => at += bytes,
             None => open = " + ...",
         }
     }
     out
 }
 
-/// The rest of a packet has no type that a number could have.
+/// The type of a field; empty for structures and the rest of a packet.
 fn type_text(field: &Field) -> String {
     match (&field.kind, &field.counted_by) {
         (Kind::One(number), _) => number.name(),
@@ -125,7 +126,7 @@ fn type_text(field: &Field) -> String {
     }
 }
 
-/// A sentence as a table cell.
+/// A sentence as a table cell: without full stop, first letter in lower case.
 pub fn cell(text: &str) -> String {
     let text = text.strip_suffix('.').unwrap_or(text);
     let mut chars = text.chars();
@@ -138,13 +139,13 @@ pub fn cell(text: &str) -> String {
     }
 }
 
-/// Codes of more than this many values have a table of their own.
+/// Codes with more values have a table of their own.
 const FEW_CODES: usize = 4;
 
 fn meaning(schema: &Schema, field: &Field) -> String {
     let doc = cell(&field.doc);
     match schema.codes(field) {
-        // The code of a packing is what it means.
+        // The code of a packing is its number of bits.
         Some(Enum { name, values, .. }) if values.len() <= FEW_CODES && name != "Packing" => {
             let values = values.iter();
             let named = values.map(|value| format!("{} {}", value.code, value.name));
@@ -160,9 +161,10 @@ fn code_table(schema: &Schema, field: &Field) -> String {
     if values.len() <= FEW_CODES {
         return String::new();
     }
-    let head = match values.iter().any(|value| value.counter.is_some()) {
-        true => "name | counted in | why |\n|---|---|---|---|",
-        false => "name | meaning |\n|---|---|---|",
+    let head = if values.iter().any(|value| value.counter.is_some()) {
+        "name | counted in | why |\n|---|---|---|---|"
+    } else {
+        "name | meaning |\n|---|---|---|"
     };
     let rows = each(
         values,
@@ -183,7 +185,7 @@ fn code_table(schema: &Schema, field: &Field) -> String {
     format!("\n| {} | {head}\n{rows}", field.name)
 }
 
-/// The table of opcodes, and one for each that has several fields.
+/// The table of opcodes, and a table for each opcode with several fields.
 fn commands(schema: &Schema, message: &Record) -> String {
     let codes = || message.opcodes.iter().map(|opcode| opcode.code);
     let (first, last) = (codes().min().unwrap_or(0), codes().max().unwrap_or(0));
@@ -216,38 +218,34 @@ fn commands(schema: &Schema, message: &Record) -> String {
     out
 }
 
-/// How long the packets are: `21`, `78 or 126`, `26 to 1400`.
+/// The length of the packets: `21`, `78 or 126`, `26 to 1400`.
 fn lengths(schema: &Schema, message: &Record) -> String {
     let span = |fields: &[Field]| {
-        let (least, most): (Vec<usize>, Vec<usize>) =
-            fields.iter().map(Field::octets_range).unzip();
+        let (min, max): (Vec<usize>, Vec<usize>) = fields.iter().map(Field::bytes_range).unzip();
         let around = HEADER + CRC;
         (
-            around + least.iter().sum::<usize>(),
-            around + most.iter().sum::<usize>(),
+            around + min.iter().sum::<usize>(),
+            around + max.iter().sum::<usize>(),
         )
     };
     let mut fields = schema.fields(message);
-    let (mut least, mut most) = span(&fields);
+    let (mut min, mut max) = span(&fields);
     if message.optional.is_some() {
         fields.retain(|field| !field.optional);
-        return format!("{} or {most}", span(&fields).0);
+        return format!("{} or {max}", span(&fields).0);
     }
     if !message.opcodes.is_empty() {
         let spans = message
             .opcodes
             .iter()
             .map(|opcode| span(&schema.arguments(opcode)));
-        least = spans
-            .clone()
-            .map(|(least, _)| least + 1)
-            .min()
-            .unwrap_or(least);
-        most = spans.map(|(_, most)| most + 1).max().unwrap_or(most);
+        min = spans.clone().map(|(min, _)| min + 1).min().unwrap_or(min);
+        max = spans.map(|(_, max)| max + 1).max().unwrap_or(max);
     }
-    match least == most {
-        true => least.to_string(),
-        false => format!("{least} to {most}"),
+    if min == max {
+        min.to_string()
+    } else {
+        format!("{min} to {max}")
     }
 }
 
@@ -261,9 +259,9 @@ fn frames(schema: &Schema) -> String {
             let kind = if signal.is_float() { " (f32)" } else { "" };
             format!("{} {at}, {}{kind}", signal.name, signal.bits)
         });
-        let (id, octets) = (format!("{:#05x}", frame.id), frame.octets.to_string());
+        let (id, bytes) = (format!("{:#05x}", frame.id), frame.octets.to_string());
         let signals = join(signals, "; ");
-        out += &row(&[&id, &frame.name, direction(frame.to), &octets, &signals]);
+        out += &row(&[&id, &frame.name, direction(frame.to), &bytes, &signals]);
     }
     out += "\n| signal | unit | meaning |\n|---|---|---|\n";
     let mut seen = Vec::new();
@@ -276,10 +274,10 @@ fn frames(schema: &Schema) -> String {
     out
 }
 
-/// The first golden vector, octet by octet.
+/// The first golden vector, byte by byte.
 fn worked(schema: &Schema, vector: &Good) -> Result<String, String> {
     let message = schema.message(&vector.message)?;
-    let (apid, length) = (message.apid, vector.octets.len());
+    let (apid, length) = (message.apid, vector.bytes.len());
     let fraction = match vector.time & 0xFFFF_FFFF {
         0 => "no fraction".to_owned(),
         fraction => format!("{fraction} units of 2^-32 s"),
@@ -304,11 +302,11 @@ fn worked(schema: &Schema, vector: &Good) -> Result<String, String> {
             (Kind::Array(number, _), Some((_, value))) => {
                 for (part, value) in parts.iter().zip(numbers(value)?) {
                     let text = format!("{name} {part} = {:?} {unit}", float(&value)?);
-                    lines.push((number.octets(), text.trim_end().to_owned()));
+                    lines.push((number.bytes(), text.trim_end().to_owned()));
                 }
             }
             (Kind::One(number), Some((_, value))) => {
-                lines.push((number.octets(), format!("{name} {value}")));
+                lines.push((number.bytes(), format!("{name} {value}")));
             }
             (_, None) if message.is_flag(&field) => {
                 lines.push((1, format!("{name} 1: with a state")));
@@ -319,7 +317,7 @@ fn worked(schema: &Schema, vector: &Good) -> Result<String, String> {
     lines.push((CRC, format!("CRC-16 of the {} octets before", length - CRC)));
     let mut at = 0;
     let lines = each(lines, |(size, text)| {
-        let digits = hex(vector.octets.get(at..at + size).unwrap_or_default());
+        let digits = hex(vector.bytes.get(at..at + size).unwrap_or_default());
         let line = format!("{at:3}  {digits:<16}  {text}\n");
         at += size;
         line

@@ -1,7 +1,8 @@
-//! Everything that describes the native packets, written from one description: `packets.toml` and `vectors.toml`.
+//! Generates all descriptions and codecs of the native packets from `packets.toml` and
+//! `vectors.toml`.
 //!
-//! [`outputs`] makes the files in memory; `cargo run -p skyloop-schema` writes them, and a test of
-//! this crate compares them with the committed files. Each output has a module of its own.
+//! [`outputs`] makes the files in memory; `cargo run -p skyloop-schema` writes them, and a test
+//! compares them with the committed files. Each output has its own module.
 
 mod bytes;
 mod c;
@@ -19,7 +20,7 @@ mod xtce;
 
 use std::path::{Path, PathBuf};
 
-/// The note in the first line of every written file, after the sign of a comment.
+/// The comment in the first line of every generated file.
 pub const NOTE: &str =
     "Generated from protocols/schema by `cargo run -p skyloop-schema`: do not edit.";
 
@@ -32,16 +33,16 @@ pub fn protocols() -> PathBuf {
 /// Reads a file below `protocols/`.
 ///
 /// # Errors
-/// Names the file.
+/// The file cannot be read; the error names it.
 pub fn read(path: impl AsRef<Path>) -> Result<String, String> {
     let path = protocols().join(path);
     std::fs::read_to_string(&path).map_err(|error| format!("{}: {error}", path.display()))
 }
 
-/// Path below `protocols/` and text of every file, as the two descriptions ask for it.
+/// Path below `protocols/` and text of every generated file.
 ///
 /// # Errors
-/// What in the descriptions does not make sense.
+/// A fault in the two descriptions.
 pub fn outputs() -> Result<Vec<(String, String)>, String> {
     let schema = model::Schema::parse(&read("schema/packets.toml")?)?;
     let vectors = vectors::Vectors::parse(&schema, &read("schema/vectors.toml")?)

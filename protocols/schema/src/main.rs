@@ -1,4 +1,4 @@
-//! Writes every generated file; says which ones changed.
+//! Writes the generated files and prints the paths of those that changed.
 
 use std::process::ExitCode;
 

@@ -1,36 +1,36 @@
-//! Packets that a receiver refuses.
+//! Refused packets of the golden vectors.
 
 use serde::Deserialize;
 use toml::Table;
 
-/// A refused packet: a good packet and what is wrong with it.
+/// A refused packet: a good packet with errors.
 #[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Mistake {
     pub name: String,
-    /// The end that receives them: `emulator` or `client`.
+    /// The receiving end: `emulator` or `client`.
     pub receiver: String,
     /// Name of the error.
     pub error: String,
     pub(crate) like: String,
     #[serde(default)]
     pub(crate) fields: Table,
-    /// Fields to leave out.
+    /// Omitted fields.
     #[serde(default)]
     pub(crate) without: Vec<String>,
-    /// All of the payload.
+    /// Whole payload in hexadecimal digits, in place of the fields.
     pub(crate) payload: Option<String>,
-    /// Octets that the payload lacks at its end.
+    /// Number of bytes removed from the end of the payload.
     #[serde(default)]
     pub(crate) cut: usize,
-    /// Octets after the payload.
+    /// Bytes added after the payload.
     pub(crate) append: Option<String>,
-    /// Another format version.
+    /// Wrong format version.
     pub version: Option<u8>,
-    /// Bits of the first octet to flip.
+    /// Bits of the first byte to flip.
     #[serde(default)]
     pub octet0: u8,
-    /// Other sequence flags.
+    /// Wrong sequence flags.
     pub flags: Option<u16>,
     /// Added to the data length.
     #[serde(default)]
@@ -39,8 +39,8 @@ pub struct Mistake {
     /// Bits of the CRC to flip.
     #[serde(default)]
     pub crc: u16,
-    /// Only so many octets of the packet.
+    /// Length of the truncated packet in bytes.
     pub(crate) keep: Option<usize>,
     #[serde(skip)]
-    pub octets: Vec<u8>,
+    pub bytes: Vec<u8>,
 }

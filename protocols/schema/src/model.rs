@@ -1,4 +1,4 @@
-//! The content of `packets.toml` as types, and the check that its names lead somewhere.
+//! The content of `packets.toml` as types, and the check of its references.
 
 use serde::Deserialize;
 
@@ -6,12 +6,12 @@ use serde::Deserialize;
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Schema {
-    /// Format version, octet 14 of every packet.
+    /// Format version, byte 14 of every packet.
     pub version: u8,
-    /// Longest packet, octets.
+    /// Longest packet, bytes.
     pub max_packet: usize,
     pub enums: Vec<Enum>,
-    /// Fields that stand together in more than one place, or in a variant of a command.
+    /// Groups of fields in several messages, or of one command.
     pub structs: Vec<Record>,
     /// The kinds of packets.
     pub messages: Vec<Record>,
@@ -20,7 +20,7 @@ pub struct Schema {
     pub can: Can,
 }
 
-/// Named codes of one octet.
+/// Named codes of one byte.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Enum {
@@ -35,7 +35,7 @@ pub struct Enum {
 pub struct Record {
     /// Its name in the ICD.
     pub name: String,
-    /// Name of its type in Rust and C, if another.
+    /// Name of its type in Rust and C, if different.
     #[serde(rename = "struct")]
     pub type_name: Option<String>,
     pub doc: String,
@@ -44,7 +44,7 @@ pub struct Record {
     pub apid: u16,
     #[serde(default)]
     pub to: Receiver,
-    /// Whose time its header holds.
+    /// The ICD's text on the time in its header.
     #[serde(default)]
     pub time: String,
     /// Its fields are private to the crate.
@@ -59,19 +59,19 @@ pub struct Record {
     /// Some rules between its fields are written by hand.
     #[serde(default)]
     pub check: bool,
-    /// Encoders keep these rules as well.
+    /// Encoders check these rules as well.
     #[serde(default)]
     pub encode_check: bool,
     /// It ends with the counters.
     #[serde(default)]
     pub counters: bool,
-    /// The fields that are there only if a flag is 1.
+    /// The fields that are present only if a flag is 1.
     pub optional: Option<Optional>,
     /// The ICD's text before the table.
     pub before: Option<String>,
     /// The ICD's text after the table.
     pub after: Option<String>,
-    /// The commands of a packet whose first octet selects one.
+    /// The commands of a packet whose first byte selects one.
     #[serde(default)]
     pub opcodes: Vec<Code>,
 }
@@ -87,15 +87,15 @@ pub enum Receiver {
     Client,
 }
 
-/// Fields that may be missing together.
+/// Optional fields of a message.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Optional {
-    /// The field that says whether they are there.
+    /// The field that is 1 if they are present.
     pub flag: String,
-    /// Their name together.
+    /// Name of their group.
     pub name: String,
-    /// Their type's name.
+    /// Name of the group's type.
     #[serde(rename = "struct")]
     pub type_name: String,
     pub doc: String,
@@ -130,35 +130,35 @@ pub struct Field {
     /// Name of the enum that holds its codes.
     #[serde(rename = "enum")]
     pub codes: Option<String>,
-    /// Its flags, the last bit first.
+    /// Its flags, from the least significant bit.
     #[serde(default)]
     pub bits: Vec<String>,
     pub min: Option<f64>,
     pub max: Option<f64>,
     pub rule: Option<Rule>,
-    /// The error for a number that breaks the rule; `BadValue` if none is given.
+    /// The error for a number that breaks the rule; `BadValue` by default.
     pub error: Option<String>,
-    /// The ICD's wording of what it allows.
+    /// The ICD's wording of its range.
     pub range: Option<String>,
     /// Names of an array's numbers.
     #[serde(default)]
     pub parts: Vec<String>,
-    /// It is there only if the message's flag is 1.
+    /// It is present only if the message's flag is 1.
     #[serde(default)]
     pub optional: bool,
-    /// The field that holds how many of it there are.
+    /// The field with the number of its elements.
     pub counted_by: Option<String>,
     /// The structure of each record.
     pub record: Option<String>,
-    /// Fewest octets of the rest of a packet.
+    /// Minimum number of bytes of the rest of a packet.
     #[serde(default)]
     pub least: usize,
-    /// Most octets of the rest of a packet, or most elements.
+    /// Maximum number of bytes of the rest of a packet, or of elements.
     #[serde(default)]
     pub most: usize,
 }
 
-/// What numbers must be.
+/// A rule for numbers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Rule {
@@ -173,34 +173,34 @@ pub enum Rule {
 pub enum Kind {
     One(Number),
     Array(Number, usize),
-    /// Text in so many octets.
+    /// Text in so many bytes.
     Ascii(usize),
     /// The fields of a structure.
     Struct(String),
-    /// All octets up to the CRC.
+    /// All bytes up to the CRC.
     Rest(Rest),
 }
 
-/// Layout of a number: its octets, big-endian.
+/// Layout of a number: its bytes, big-endian.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Number {
     Unsigned(usize),
     /// IEEE 754.
     Float(usize),
-    /// The 8 octets of a time code.
+    /// The 8 bytes of a time code.
     Time,
 }
 
-/// What the rest of a packet holds.
+/// Content of the rest of a packet.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Rest {
     /// Packed pixels.
     Pixels,
-    /// Places and packed pixels.
+    /// Positions and packed pixels.
     Windows,
     /// Structures of fixed length.
     Records,
-    Octets,
+    Bytes,
     Utf8,
 }
 
@@ -221,7 +221,7 @@ impl TryFrom<String> for Kind {
             "pixels" => Self::Rest(Rest::Pixels),
             "windows" => Self::Rest(Rest::Windows),
             "records" => Self::Rest(Rest::Records),
-            "octets" => Self::Rest(Rest::Octets),
+            "octets" => Self::Rest(Rest::Bytes),
             "utf8" => Self::Rest(Rest::Utf8),
             name if name.starts_with(char::is_uppercase) => Self::Struct(name.to_owned()),
             name => Self::One(number(name).ok_or_else(unknown)?),
@@ -257,23 +257,23 @@ pub struct CanFrame {
     pub id: u16,
     pub name: String,
     pub to: Receiver,
-    /// Octets of data.
+    /// Bytes of data.
     pub octets: usize,
     pub doc: String,
     /// `attitude`, `state` (of an attitude that has one), `command`, `ack`, `isotp`.
     pub group: String,
-    /// Its signals and spare bits, from the first bit on.
+    /// Its signals and spare bits, from the first bit.
     pub signals: Vec<Signal>,
 }
 
-/// One signal, or spare bits, which have no name.
+/// One signal, or spare bits without a name.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Signal {
     pub bits: usize,
     #[serde(default)]
     pub name: String,
-    /// The value that it holds.
+    /// Its value: see `packets.toml`.
     #[serde(default)]
     pub of: String,
     #[serde(default)]
@@ -286,7 +286,7 @@ impl Schema {
     /// Reads `packets.toml`.
     ///
     /// # Errors
-    /// The text does not fit the types above, or a name leads nowhere.
+    /// The text does not fit the types above, or a reference is unknown.
     pub fn parse(text: &str) -> Result<Self, String> {
         let schema: Self =
             toml::from_str(text).map_err(|error| format!("packets.toml: {error}"))?;
@@ -296,7 +296,7 @@ impl Schema {
         Ok(schema)
     }
 
-    /// Every name leads somewhere, every message has an APID, every CAN frame is full.
+    /// Every reference is known, every message has an APID, every CAN frame is full.
     fn check(&self) -> Result<(), String> {
         let records = self.structs.iter().chain(&self.messages);
         let lists = records.flat_map(|record| {

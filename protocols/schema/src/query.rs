@@ -1,4 +1,4 @@
-//! Questions of every output to the schema: sizes, wordings, flat lists of fields.
+//! Queries of the schema: sizes, wordings, flat lists of fields.
 
 use crate::model::{
     CanFrame, Code, Enum, Field, Kind, Number, Receiver, Record, Rest, Rule, Schema, Signal,
@@ -6,9 +6,9 @@ use crate::model::{
 use crate::text::join;
 
 impl Number {
-    pub const fn octets(self) -> usize {
+    pub const fn bytes(self) -> usize {
         match self {
-            Self::Unsigned(octets) | Self::Float(octets) => octets,
+            Self::Unsigned(bytes) | Self::Float(bytes) => bytes,
             Self::Time => 8,
         }
     }
@@ -16,8 +16,8 @@ impl Number {
     /// Its name in Rust and in the ICD.
     pub fn name(self) -> String {
         match self {
-            Self::Unsigned(octets) => format!("u{}", 8 * octets),
-            Self::Float(octets) => format!("f{}", 8 * octets),
+            Self::Unsigned(bytes) => format!("u{}", 8 * bytes),
+            Self::Float(bytes) => format!("f{}", 8 * bytes),
             Self::Time => "time code".to_owned(),
         }
     }
@@ -41,45 +41,45 @@ impl Kind {
 }
 
 impl Field {
-    /// Its octets, if always the same.
-    pub fn octets(&self) -> Option<usize> {
+    /// Its bytes, if constant.
+    pub fn bytes(&self) -> Option<usize> {
         match self.kind {
             _ if self.counted_by.is_some() => None,
-            Kind::One(number) => Some(number.octets()),
-            Kind::Array(number, length) => Some(number.octets() * length),
+            Kind::One(number) => Some(number.bytes()),
+            Kind::Array(number, length) => Some(number.bytes() * length),
             Kind::Ascii(length) => Some(length),
             Kind::Struct(_) | Kind::Rest(_) => None,
         }
     }
 
-    /// Fewest and most octets.
-    pub fn octets_range(&self) -> (usize, usize) {
-        match (&self.kind, self.octets()) {
-            (_, Some(octets)) => (octets, octets),
-            (Kind::Array(number, length), None) => (0, self.most * number.octets() * length),
+    /// Minimum and maximum number of bytes.
+    pub fn bytes_range(&self) -> (usize, usize) {
+        match (&self.kind, self.bytes()) {
+            (_, Some(bytes)) => (bytes, bytes),
+            (Kind::Array(number, length), None) => (0, self.most * number.bytes() * length),
             _ => (self.least, self.most),
         }
     }
 
-    /// Its flags, each with its bit.
+    /// Its flags with their bits.
     pub fn flags(&self) -> impl Iterator<Item = (u8, &String)> {
         (0..).map(|bit| 1 << bit).zip(&self.bits)
     }
 
-    /// All flags together.
+    /// The sum of all flags.
     pub fn all_flags(&self) -> u8 {
         self.flags().map(|(bit, _)| bit).sum()
     }
 
-    /// The largest number that fits it.
+    /// The largest number of its type.
     pub fn largest(&self) -> f64 {
         match self.kind {
-            Kind::One(Number::Unsigned(octets)) => 256_f64.powi(octets as i32) - 1.0,
+            Kind::One(Number::Unsigned(bytes)) => 256_f64.powi(bytes as i32) - 1.0,
             _ => f64::INFINITY,
         }
     }
 
-    /// What its codes, its flags, or `min` and `max` allow.
+    /// The range of its codes, its flags, or `min` and `max`.
     fn bounds(&self, schema: &Schema) -> Option<String> {
         if let Some(codes) = schema.codes(self) {
             let codes: Vec<u8> = codes.values.iter().map(|value| value.code).collect();
@@ -101,7 +101,7 @@ impl Field {
         }
     }
 
-    /// The same as part of a sentence.
+    /// The range as part of a sentence.
     pub fn limits(&self, schema: &Schema) -> Option<String> {
         let bounds = self.bounds(schema)?;
         let last = bounds.rsplit_once(", ");
@@ -110,13 +110,13 @@ impl Field {
         }))
     }
 
-    /// What it allows, in the ICD's words.
+    /// The range in the ICD's words.
     pub fn range_text(&self, schema: &Schema) -> String {
         if let Some(range) = &self.range {
             return range.clone();
         }
         match (&self.kind, self.rule) {
-            (Kind::Rest(Rest::Octets | Rest::Utf8 | Rest::Records), _) => {
+            (Kind::Rest(Rest::Bytes | Rest::Utf8 | Rest::Records), _) => {
                 format!("{} to {} octets", self.least, self.most)
             }
             (Kind::Rest(_) | Kind::Ascii(_), _) => String::new(),
@@ -132,7 +132,7 @@ impl Record {
         self.type_name.as_deref().unwrap_or(&self.name)
     }
 
-    /// Whether this field says if the optional ones are there.
+    /// Whether this field is the flag of the optional fields.
     pub fn is_flag(&self, field: &Field) -> bool {
         let optional = self.optional.as_ref();
         optional.is_some_and(|optional| optional.flag == field.name)
@@ -140,19 +140,19 @@ impl Record {
 }
 
 impl CanFrame {
-    /// The signals with the place of their first bit, without the spare bits.
+    /// The signals with the index of their first bit, without the spare bits.
     pub fn placed(&self) -> impl Iterator<Item = (usize, &Signal)> {
         let signals = self.signals.iter().scan(0, |at, signal| {
-            let place = *at;
+            let first = *at;
             *at += signal.bits;
-            Some((place, signal))
+            Some((first, signal))
         });
         signals.filter(|(_, signal)| !signal.name.is_empty())
     }
 }
 
 impl Signal {
-    /// Whether it is the upper half of an f64: an f32.
+    /// Whether it is the upper half of an f64, which is an f32.
     pub fn is_float(&self) -> bool {
         self.of.starts_with("high ")
     }
@@ -165,12 +165,12 @@ impl Schema {
         self.enums.iter().find(|codes| codes.name == *name)
     }
 
-    /// The records that a field holds.
+    /// The structure of a field's records.
     pub fn record(&self, field: &Field) -> Option<&Record> {
         self.structure(field.record.as_ref()?)
     }
 
-    /// The structure that a field is.
+    /// The structure of a field.
     pub fn inner(&self, field: &Field) -> Option<&Record> {
         self.structure(&field.kind.structure()?)
     }
@@ -196,7 +196,7 @@ impl Schema {
         self.messages.iter().flat_map(|message| &message.opcodes)
     }
 
-    /// Fields with those of structures in their place.
+    /// Fields, with structures replaced by their fields.
     pub fn flat(&self, fields: &[Field]) -> Vec<Field> {
         let inner = |field: &Field| match self.inner(field) {
             Some(structure) => self.flat(&structure.fields),
@@ -205,7 +205,7 @@ impl Schema {
         fields.iter().flat_map(inner).collect()
     }
 
-    /// All fields of a message, counters too; without those of opcodes.
+    /// All fields of a message with its counters, without the fields of opcodes.
     pub fn fields(&self, message: &Record) -> Vec<Field> {
         let counters = self.counters.iter().filter(|_| message.counters);
         let mut fields = self.flat(&message.fields);
@@ -221,6 +221,7 @@ impl Schema {
             None => opcode.fields.clone(),
         }
     }
+
     /// The opcode of a payload, if it has one, and the fields after it.
     ///
     /// # Errors

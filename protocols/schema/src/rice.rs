@@ -1,16 +1,16 @@
-//! The Rice code of CCSDS 121.0-B-3 as the ICD describes it (section 3.14), written once more for the golden vectors: the
-//! shortest option of a block is found by trying all of them.
+//! A second encoder of the Rice code of CCSDS 121.0-B-3 (ICD, section 3.14), for the golden
+//! vectors. It tries all options of a block to find the shortest.
 
 use crate::bytes::Bits;
 
 /// Samples of a block.
 const BLOCK: usize = 16;
 
-/// The code of these pixels.
+/// Compresses pixels.
 pub fn encode(pixels: &[u64], bits: usize) -> Vec<u8> {
-    let most = (1_u64 << bits) - 1;
+    let max = (1_u64 << bits) - 1;
     let option_bits = if bits <= 8 { 3 } else { 4 };
-    // All ones are no compression, 0 the low-entropy options.
+    // Identifier of no compression: all ones. 0 is for the low-entropy options.
     let raw = (1 << option_bits) - 1;
     let mut out = Bits::default();
     let mut last: Option<u64> = None;
@@ -18,7 +18,7 @@ pub fn encode(pixels: &[u64], bits: usize) -> Vec<u8> {
         let reference = block.first().filter(|_| last.is_none());
         let mut samples: Vec<u64> = Vec::new();
         for pixel in block {
-            samples.extend(last.map(|last| mapped(last, *pixel, most)));
+            samples.extend(last.map(|last| mapped(last, *pixel, max)));
             last = Some(*pixel);
         }
         samples.resize(BLOCK - usize::from(reference.is_some()), 0);
@@ -41,12 +41,12 @@ pub fn encode(pixels: &[u64], bits: usize) -> Vec<u8> {
             out.put(*sample, best.unwrap_or(bits));
         }
     }
-    out.octets()
+    out.bytes()
 }
 
 /// The prediction error mapper.
-fn mapped(predicted: u64, pixel: u64, most: u64) -> u64 {
-    let side = predicted.min(most - predicted);
+fn mapped(predicted: u64, pixel: u64, max: u64) -> u64 {
+    let side = predicted.min(max - predicted);
     let error = pixel.abs_diff(predicted);
     match (error <= side, pixel >= predicted) {
         (true, true) => 2 * error,

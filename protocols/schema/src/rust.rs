@@ -1,4 +1,5 @@
-//! The Rust codecs: `protocols/src/generated/`. Rules between fields stay in the modules that re-export these types.
+//! The Rust codecs: `protocols/src/generated/`. Rules between fields are in the modules that
+//! re-export these types.
 
 mod messages;
 mod record;
@@ -8,7 +9,7 @@ use crate::icd::cell;
 use crate::model::{Code, Receiver, Schema};
 use crate::text::{block, braces, each, indent, join, upper};
 
-/// The files.
+/// Path and text of each file.
 pub fn files(schema: &Schema) -> Vec<(String, String)> {
     let inside = ["answers", "codes", "commands", "counters", "ends", "frames"];
     let modules = each(inside, |name| format!("pub mod {name};\n"));
@@ -39,22 +40,23 @@ pub fn files(schema: &Schema) -> Vec<(String, String)> {
     ]
 }
 
-/// The head of every writer.
+/// The signature of every writer.
 const WRITE: &str =
     "pub(crate) fn write(&self, writer: &mut Writer<'_>) -> Result<(), EncodeError>";
 
-/// A doc comment.
 fn doc(text: &str) -> String {
     format!("/// {text}\n")
 }
 
 fn codes(schema: &Schema) -> String {
     let (version, max_packet) = (schema.version, schema.max_packet);
+    let about_version = doc("Version of these formats, in the secondary header.");
+    let about_length = doc("Longest packet in octets, headers and CRC included: \
+                            fits a UDP datagram on Ethernet unfragmented.");
     let mut out = format!(
         "use crate::table::wire_enum;\n\n\
-         /// Version of these formats, in the secondary header.\npub const VERSION: u8 = {version};\n\
-         /// Longest packet in octets, headers and CRC included: fits a UDP datagram on Ethernet unfragmented.\n\
-         pub const MAX_PACKET: usize = {max_packet};\n"
+         {about_version}pub const VERSION: u8 = {version};\n\
+         {about_length}pub const MAX_PACKET: usize = {max_packet};\n"
     );
     for codes in &schema.enums {
         out += &enumeration(&codes.name, &codes.doc, &codes.values);

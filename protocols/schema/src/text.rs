@@ -1,4 +1,4 @@
-//! Building blocks of the written texts: lists, nested blocks, names.
+//! Building blocks of the generated texts: lists, nested blocks, names.
 
 use std::fmt::Display;
 
@@ -8,12 +8,12 @@ pub fn join<T: Display>(items: impl IntoIterator<Item = T>, between: &str) -> St
     texts.join(between)
 }
 
-/// The text of each item, one after the other.
+/// The concatenated texts of all items.
 pub fn each<T>(items: impl IntoIterator<Item = T>, text: impl FnMut(T) -> String) -> String {
     items.into_iter().map(text).collect()
 }
 
-/// Every line moved to the right by so many spaces; empty lines stay empty.
+/// Every line indented by so many spaces; empty lines stay empty.
 pub fn indent(text: &str, spaces: usize) -> String {
     each(text.lines(), |line| match line {
         "" => "\n".to_owned(),
@@ -26,7 +26,7 @@ pub fn braces(head: &str, body: &str) -> String {
     format!("{head} {{\n{}}}", indent(body, 4))
 }
 
-/// The same as lines of their own.
+/// The same with a final line break.
 pub fn block(head: &str, body: &str) -> String {
     braces(head, body) + "\n"
 }

@@ -1,4 +1,4 @@
-//! The golden vectors: packets with their fields, octets that are no packets, frames of serial lines and CAN.
+//! The golden vectors: packets with their fields, refused packets, frames of serial lines and CAN.
 
 use serde::Deserialize;
 use toml::{Table, Value};
@@ -30,7 +30,7 @@ struct Sample {
     #[serde(default)]
     sequence_count: u16,
     time: Option<String>,
-    /// The fields of the vector of this name, but for those given here.
+    /// Name of a vector with the values of the other fields.
     like: Option<String>,
     counters_from: Option<i64>,
     #[serde(default)]
@@ -51,7 +51,7 @@ pub struct Reference {
     counter: u64,
     #[serde(skip)]
     pub packet: Vec<u8>,
-    /// On a serial line.
+    /// The packet on a serial line.
     #[serde(skip)]
     pub line: Vec<u8>,
     /// Identifiers and data of its CAN frames.
@@ -71,11 +71,11 @@ pub struct Good {
     /// The fields, in order, with their values.
     pub fields: Vec<(Field, Value)>,
     /// The packet.
-    pub octets: Vec<u8>,
+    pub bytes: Vec<u8>,
     table: Table,
 }
 
-/// All of them.
+/// All golden vectors.
 #[derive(Debug)]
 pub struct Vectors {
     pub good: Vec<Good>,
@@ -85,10 +85,10 @@ pub struct Vectors {
 }
 
 impl Vectors {
-    /// Reads `vectors.toml` and encodes all of it.
+    /// Reads and encodes `vectors.toml`.
     ///
     /// # Errors
-    /// What does not fit the schema.
+    /// A vector does not fit the schema.
     pub fn parse(schema: &Schema, text: &str) -> Result<Self, String> {
         let file: File = toml::from_str(text).map_err(|error| error.to_string())?;
         let (mut good, mut serial, mut can, mut bad) = (vec![], file.serial, file.can, file.bad);
@@ -99,14 +99,14 @@ impl Vectors {
         }
         for reference in serial.iter_mut().chain(&mut can) {
             let vector = find(&good, &reference.of)?;
-            reference.packet.clone_from(&vector.octets);
-            reference.line = slip(&vector.octets);
+            reference.packet.clone_from(&vector.bytes);
+            reference.line = slip(&vector.bytes);
             let (groups, counter) = (&reference.groups, reference.counter);
-            reference.frames = can_frames(schema, groups, &vector.octets, &vector.table, counter)?;
+            reference.frames = can_frames(schema, groups, &vector.bytes, &vector.table, counter)?;
         }
         for mistake in &mut bad {
-            let octets = mistake.encode(schema, find(&good, &mistake.like)?);
-            mistake.octets = octets.map_err(|error| format!("{}: {error}", mistake.name))?;
+            let bytes = mistake.encode(schema, find(&good, &mistake.like)?);
+            mistake.bytes = bytes.map_err(|error| format!("{}: {error}", mistake.name))?;
         }
         Ok(Self {
             good,
@@ -142,7 +142,7 @@ impl Vectors {
         for bad in &self.bad {
             let (name, receiver, error) = (&bad.name, &bad.receiver, &bad.error);
             out += &format!("[{name}]\nreceiver = {receiver}\nerror = {error}\n");
-            out += format!("hex = {}", spaced(&bad.octets)).trim_end();
+            out += format!("hex = {}", spaced(&bad.bytes)).trim_end();
             out += "\n\n";
         }
         out
@@ -155,11 +155,11 @@ fn find<'a>(good: &'a [Good], name: &str) -> Result<&'a Good, String> {
 }
 
 impl Good {
-    /// The octets after the fields of fixed length.
+    /// The bytes after the fields of fixed length.
     pub fn rest(&self) -> &[u8] {
-        let fixed = self.fields.iter().filter_map(|(field, _)| field.octets());
-        let rest = 15 + fixed.sum::<usize>()..self.octets.len() - 2;
-        self.octets.get(rest).unwrap_or_default()
+        let fixed = self.fields.iter().filter_map(|(field, _)| field.bytes());
+        let rest = 15 + fixed.sum::<usize>()..self.bytes.len() - 2;
+        self.bytes.get(rest).unwrap_or_default()
     }
 
     fn text(&self) -> String {
@@ -170,20 +170,20 @@ impl Good {
             out += &format!("opcode = {opcode}\n");
         }
         for (field, value) in &self.fields {
-            for (name, value) in self.shown(field, value) {
+            for (name, value) in self.values(field, value) {
                 out += format!("{name} = {value}").trim_end();
                 out.push('\n');
             }
         }
-        out + &format!("hex = {}\n\n", spaced(&self.octets))
+        out + &format!("hex = {}\n\n", spaced(&self.bytes))
     }
 
-    /// A field as `golden.txt` writes it: names and values.
-    fn shown<'a>(&self, field: &'a Field, value: &Value) -> Vec<(&'a str, String)> {
+    /// Names and values of a field in `golden.txt`.
+    fn values<'a>(&self, field: &'a Field, value: &Value) -> Vec<(&'a str, String)> {
         let name = field.name.as_str();
         let values = numbers(value).unwrap_or_default();
         match &field.kind {
-            // The header has fields of these names.
+            // The header has fields with these names.
             Kind::One(kind) => match name {
                 "apid" => vec![("answers_apid", number(*kind, value))],
                 "sequence_count" => vec![("answers_sequence_count", number(*kind, value))],
@@ -199,11 +199,11 @@ impl Good {
                     });
                     list(Number::Unsigned(2), &cells.collect::<Vec<_>>())
                 };
-                let places = cells(&["column", "row"]);
-                vec![("places", places), ("pixels", cells(&["pixels"]))]
+                let positions = cells(&["column", "row"]);
+                vec![("places", positions), ("pixels", cells(&["pixels"]))]
             }
             Kind::Rest(Rest::Records) => vec![("records", hex(self.rest()))],
-            Kind::Rest(Rest::Octets) if value.is_table() => {
+            Kind::Rest(Rest::Bytes) if value.is_table() => {
                 let (bits, pixels) = compressed(value).unwrap_or_default();
                 vec![
                     (name, hex(self.rest())),
@@ -250,8 +250,8 @@ impl Sample {
         }
         let time = Value::String(self.time.unwrap_or(usual.to_owned()));
         let (count, time) = (self.sequence_count, unsigned(&time)?);
-        let octets = payload(schema, message, self.opcode.as_deref(), &table)?;
-        let octets = packet(schema, message, count, time, &octets, &Mistake::default());
+        let bytes = payload(schema, message, self.opcode.as_deref(), &table)?;
+        let bytes = packet(schema, message, count, time, &bytes, &Mistake::default());
         let value = |field: Field| table.get(&field.name).cloned().map(|value| (field, value));
         let fields = list.into_iter().filter_map(value).collect();
         Ok(Good {
@@ -261,7 +261,7 @@ impl Sample {
             count,
             time,
             fields,
-            octets,
+            bytes,
             table,
         })
     }
@@ -273,39 +273,39 @@ impl Mistake {
         let mut table = like.table.clone();
         table.extend(self.fields.clone());
         table.retain(|name, _| self.without.iter().all(|without| without != name));
-        let mut octets = match &self.payload {
+        let mut bytes = match &self.payload {
             Some(digits) => from_hex(digits)?,
             None => payload(schema, message, like.opcode.as_deref(), &table)?,
         };
-        octets.truncate(octets.len().saturating_sub(self.cut));
-        octets.extend(from_hex(self.append.as_deref().unwrap_or_default())?);
-        let mut octets = packet(schema, message, like.count, like.time, &octets, self);
-        octets.truncate(self.keep.unwrap_or(octets.len()));
-        Ok(octets)
+        bytes.truncate(bytes.len().saturating_sub(self.cut));
+        bytes.extend(from_hex(self.append.as_deref().unwrap_or_default())?);
+        let mut bytes = packet(schema, message, like.count, like.time, &bytes, self);
+        bytes.truncate(self.keep.unwrap_or(bytes.len()));
+        Ok(bytes)
     }
 }
 
 /// RFC 1055 around packet and CRC-32.
 fn slip(packet: &[u8]) -> Vec<u8> {
     let mut line = vec![0xC0];
-    for octet in packet.iter().copied().chain(crc32(packet).to_be_bytes()) {
-        match octet {
+    for byte in packet.iter().copied().chain(crc32(packet).to_be_bytes()) {
+        match byte {
             0xC0 => line.extend([0xDB, 0xDC]),
             0xDB => line.extend([0xDB, 0xDD]),
-            octet => line.push(octet),
+            byte => line.push(byte),
         }
     }
     line.push(0xC0);
     line
 }
 
-/// Primary header, time, version, payload, CRC; the payload in lines of 32 octets.
-fn spaced(octets: &[u8]) -> String {
-    if octets.len() < 17 {
-        return hex(octets);
+/// Primary header, time, version, payload, CRC; the payload in lines of 32 bytes.
+fn spaced(bytes: &[u8]) -> String {
+    if bytes.len() < 17 {
+        return hex(bytes);
     }
-    let groups = |octets: &[u8], group| join(octets.chunks(group).map(hex), " ");
-    let (head, payload) = octets.split_at(15);
+    let groups = |bytes: &[u8], group| join(bytes.chunks(group).map(hex), " ");
+    let (head, payload) = bytes.split_at(15);
     let (payload, crc) = payload.split_at(payload.len() - 2);
     let (primary, rest) = head.split_at(6);
     let (time, version) = rest.split_at(8);

@@ -1,6 +1,6 @@
 //! The XTCE file (CCSDS 660.1-G, OMG formal/20180204). Packets of both directions are containers,
-//! so that a monitor reads both. Telecommands are also commands that can be sent; the ground
-//! system's post-processor fills in their sequence count, data length and CRC.
+//! so that a monitor reads both. Telecommands are also commands for sending; the ground system's
+//! post-processor fills in their sequence count, data length and CRC.
 
 use std::collections::BTreeMap;
 
@@ -9,10 +9,10 @@ use crate::bytes::hex;
 use crate::model::{Code, Field, Kind, Number, Receiver, Record, Rest, Schema};
 use crate::text::{each, indent};
 
-/// Octets before the payload and after it.
+/// Bytes before the payload and after it.
 const AROUND: usize = 17;
 
-/// The primary header with the names that readers of space packets know.
+/// The primary header with the usual names of its fields.
 const HEADER: [(&str, usize, &str); 7] = [
     ("VERSION", 3, "packet version number: 0"),
     ("TYPE", 1, "1: telecommand"),
@@ -79,7 +79,7 @@ impl<'a> Declared<'a> {
         }
     }
 
-    /// Declares one; its entry in a container.
+    /// Declares one and returns its entry in a container.
     fn add(&mut self, name: &str, kind: &str, doc: &str) -> String {
         let (of, reference, doc) = (self.of, self.of.to_lowercase(), escape(doc));
         self.list += &empty(&format!(
@@ -88,13 +88,13 @@ impl<'a> Declared<'a> {
         empty(&format!("{of}RefEntry {reference}Ref=\"{name}\""))
     }
 
-    /// Declares these fields; their entries.
+    /// Declares these fields and returns their entries.
     fn fields(&mut self, owner: &str, fields: &[Field]) -> String {
         let prefix = match self.of {
             "Parameter" => format!("{owner}_"),
             _ => String::new(),
         };
-        let fixed = fields.iter().filter_map(Field::octets).sum();
+        let fixed = fields.iter().filter_map(Field::bytes).sum();
         each(fields, |field| {
             let kind = self.type_of(owner, &prefix, field, fixed);
             let name = format!("{prefix}{}", field.name);
@@ -107,20 +107,20 @@ impl<'a> Declared<'a> {
         })
     }
 
-    /// Declares the type of a field behind `fixed` octets of others; its name.
+    /// Declares the type of a field after `fixed` bytes of others and returns its name.
     fn type_of(&mut self, owner: &str, prefix: &str, field: &Field, fixed: usize) -> String {
         let own = format!("{owner}_{}_type", field.name);
-        // From PKT_LEN in octets to the bits of the last field.
+        // Converts PKT_LEN in bytes to the bits of the last field.
         let intercept = 8 * (7 - AROUND as isize - fixed as isize);
         let (text, name) = match (&field.kind, &field.counted_by) {
             (Kind::Array(number, length), Some(count)) => {
                 let length =
-                    self.dynamic(&format!("{prefix}{count}"), 8 * number.octets() * length, 0);
+                    self.dynamic(&format!("{prefix}{count}"), 8 * number.bytes() * length, 0);
                 (self.binary(&own, &length), own)
             }
             (Kind::Rest(Rest::Utf8), _) => {
-                let most = format!("Variable maxSizeInBits=\"{}\"", 8 * field.most);
-                let length = element(&most, &self.dynamic("PKT_LEN", 8, intercept));
+                let max = format!("Variable maxSizeInBits=\"{}\"", 8 * field.most);
+                let length = element(&max, &self.dynamic("PKT_LEN", 8, intercept));
                 let encoding = element("StringDataEncoding encoding=\"UTF-8\"", &length);
                 (
                     element(&format!("StringParameterType name=\"{own}\""), &encoding),
@@ -148,13 +148,13 @@ impl<'a> Declared<'a> {
         element("DynamicValue", &(instance + &empty(&adjustment)))
     }
 
-    /// The type of octets of this length.
+    /// The type of bytes of this length.
     fn binary(&self, name: &str, length: &str) -> String {
         let encoding = element("BinaryDataEncoding", &element("SizeInBits", length));
         element(&format!("Binary{}Type name=\"{name}\"", self.of), &encoding)
     }
 
-    /// The type of a number, a code or a flag: name and text.
+    /// Name and text of the type of a number, a code or a flag.
     fn scalar(&self, field: &Field) -> (String, String) {
         if let Some(codes) = self.schema.codes(field) {
             return (
@@ -169,9 +169,9 @@ impl<'a> Declared<'a> {
         match number {
             Number::Time if self.of == "Argument" => self.unsigned(64, ""),
             Number::Time => ("time_code".to_owned(), time_code()),
-            Number::Unsigned(octets) => self.unsigned(8 * octets, &field.unit),
-            Number::Float(octets) => {
-                let (of, bits) = (self.of, 8 * octets);
+            Number::Unsigned(bytes) => self.unsigned(8 * bytes, &field.unit),
+            Number::Float(bytes) => {
+                let (of, bits) = (self.of, 8 * bytes);
                 let name = with_unit(&format!("f{bits}"), &field.unit);
                 let head = format!("Float{of}Type name=\"{name}\" sizeInBits=\"{bits}\"");
                 let encoding =
@@ -220,7 +220,7 @@ fn units(unit: &str) -> String {
     }
 }
 
-/// The name of a number's type with its unit in it.
+/// The name of a number's type with its unit.
 fn with_unit(kind: &str, unit: &str) -> String {
     let unit = unit.replace(|c: char| !c.is_alphanumeric(), "_");
     match unit.as_str() {
@@ -238,11 +238,11 @@ fn telemetry(schema: &Schema) -> String {
         entries += &declared.add(name, &kind, doc);
         declared.types.insert(kind, text);
     }
-    let (octet, text) = declared.unsigned(8, "");
-    declared.types.insert(octet.clone(), text);
+    let (byte, text) = declared.unsigned(8, "");
+    declared.types.insert(byte.clone(), text);
     declared.types.insert("time_code".to_owned(), time_code());
     entries += &declared.add("TIME", "time_code", TIME);
-    entries += &declared.add("FORMAT_VERSION", &octet, &schema.version.to_string());
+    entries += &declared.add("FORMAT_VERSION", &byte, &schema.version.to_string());
     let crc = declared.add("CRC", "u16", "CRC-16 of all octets before it");
     let mut containers = container("CCSDSPacket", ABSTRACT, "", &entries, "every packet");
     for message in &schema.messages {
@@ -254,7 +254,7 @@ fn telemetry(schema: &Schema) -> String {
     element("TelemetryMetaData", &content)
 }
 
-/// The containers of a message: one, or an abstract one and those that continue it.
+/// The containers of a message: one, or an abstract one and those that extend it.
 fn message_containers(declared: &mut Declared<'_>, message: &Record, crc: &str) -> String {
     let schema = declared.schema;
     let (name, doc) = (&message.name, &message.doc);
@@ -307,7 +307,7 @@ fn container(name: &str, attribute: &str, base: &str, entries: &str, doc: &str) 
     element(&head, &(element("EntryList", entries) + base))
 }
 
-/// The container that is continued if these parameters have these values.
+/// The container that is extended if these parameters have these values.
 fn base(name: &str, conditions: &[(&str, &str)]) -> String {
     let conditions = each(conditions, |(parameter, value)| {
         let reference = format!("parameterRef=\"{parameter}\" comparisonOperator=\"==\"");
@@ -318,7 +318,7 @@ fn base(name: &str, conditions: &[(&str, &str)]) -> String {
     element(&format!("BaseContainer containerRef=\"{name}\""), &criteria)
 }
 
-/// Telecommands that can be sent.
+/// Telecommands for sending.
 fn commands(schema: &Schema) -> String {
     let mut declared = Declared::new(schema, "Argument");
     let (time, text) = declared.unsigned(64, "");
@@ -333,9 +333,12 @@ fn commands(schema: &Schema) -> String {
             let fields = message.fields.iter();
             let fields = fields.filter(|field| present == 1 || !field.optional);
             commands += &command(&mut declared, message, &name, &message.doc, |declared| {
-                each(fields, |field| match message.is_flag(field) {
-                    true => fixed(&[present]),
-                    false => declared.fields(&name, std::slice::from_ref(field)),
+                each(fields, |field| {
+                    if message.is_flag(field) {
+                        fixed(&[present])
+                    } else {
+                        declared.fields(&name, std::slice::from_ref(field))
+                    }
                 })
             });
         }
@@ -350,14 +353,14 @@ fn commands(schema: &Schema) -> String {
     element("CommandMetaData", &content)
 }
 
-/// Octets that are always the same.
-fn fixed(octets: &[u8]) -> String {
-    let (digits, bits) = (hex(octets).to_uppercase(), 8 * octets.len());
+/// Constant bytes.
+fn fixed(bytes: &[u8]) -> String {
+    let (digits, bits) = (hex(bytes).to_uppercase(), 8 * bytes.len());
     let value = format!("binaryValue=\"{digits}\" sizeInBits=\"{bits}\"");
     empty(&format!("FixedValueEntry {value}"))
 }
 
-/// One command; `payload` declares its arguments and gives the entries of its payload.
+/// One command; `payload` declares its arguments and returns the entries of its payload.
 fn command(
     declared: &mut Declared<'_>,
     message: &Record,

@@ -1,9 +1,9 @@
-//! What is committed is what the descriptions ask for.
+//! The committed generated files are up to date.
 
 use skyloop_schema::{NOTE, outputs, read};
 
 #[test]
-fn the_committed_files_are_those_of_the_schema() {
+fn committed_files_equal_the_generated_ones() {
     let mut stale = Vec::new();
     for (path, text) in outputs().unwrap() {
         let committed = read(&path).unwrap_or_default();
@@ -12,7 +12,7 @@ fn the_committed_files_are_those_of_the_schema() {
             let same = lines.take_while(|(a, b)| a == b).count();
             stale.push(format!("protocols/{path}, line {}", same + 1));
         }
-        // A reader of a generated file learns at once where to change it.
+        // The note tells a reader of a generated file where to change it.
         let mut head = text
             .lines()
             .take(if path == "docs/icd.md" { usize::MAX } else { 1 });
@@ -20,7 +20,7 @@ fn the_committed_files_are_those_of_the_schema() {
     }
     assert!(
         stale.is_empty(),
-        "not what protocols/schema says: run `cargo run -p skyloop-schema` and commit\n{}",
+        "stale: run `cargo run -p skyloop-schema` and commit\n{}",
         stale.join("\n")
     );
 }

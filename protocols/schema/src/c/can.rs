@@ -1,10 +1,9 @@
-//! The CAN form in C: frames of an attitude and of short packets, both ways.
+//! The CAN form in C: encoders and decoders of attitudes and short packets.
 
 use super::{count_to, function, when};
 use crate::model::{CanFrame, Schema, Signal};
 use crate::text::{each, indent, join, upper};
 
-/// Encoder and decoder.
 pub(super) fn write(schema: &Schema) -> String {
     let frames = &schema.can.frames;
     let group = |names: [&'static str; 2]| {
@@ -35,13 +34,13 @@ fn fill(frame: &CanFrame, id: &str, value: impl Fn(&str) -> String) -> String {
         let value = value(of);
         format!("skyloop_bits_put(frame->data, {at}U, {bits}U, {value});\n")
     });
-    let octets = frame.octets;
+    let bytes = frame.octets;
     format!(
-        "frame->id = {id};\nframe->length = {octets}U;\n(void)memset(frame->data, 0, sizeof frame->data);\n{puts}"
+        "frame->id = {id};\nframe->length = {bytes}U;\n(void)memset(frame->data, 0, sizeof frame->data);\n{puts}"
     )
 }
 
-/// What a signal of an attitude holds.
+/// The value of a signal of an attitude.
 fn attitude_value(of: &str) -> String {
     match of {
         "has_state" => "in->has_state ? 1U : 0U".to_owned(),
@@ -105,11 +104,11 @@ fn encode_attitude(frames: &[&CanFrame]) -> String {
     )
 }
 
-/// The statements that take frame `at` of an attitude apart.
-fn take_apart((at, frame): (usize, &&CanFrame)) -> String {
+/// The statements that decode frame `at` of an attitude.
+fn decode_frame((at, frame): (usize, &&CanFrame)) -> String {
     let mut high = None;
-    let text = each(frame.placed(), |(place, Signal { bits, of, .. })| {
-        let get = format!("skyloop_bits_get(in->data[{at}], {place}U, {bits}U)");
+    let text = each(frame.placed(), |(first, Signal { bits, of, .. })| {
+        let get = format!("skyloop_bits_get(in->data[{at}], {first}U, {bits}U)");
         match of.as_str() {
             "sequence" => format!("attitude->sequence = (uint32_t){get};\n"),
             "time.seconds" => format!("header->time |= {get} << 32;\n"),
@@ -137,7 +136,7 @@ fn take_apart((at, frame): (usize, &&CanFrame)) -> String {
 }
 
 fn decode_attitude(frames: &[&CanFrame]) -> String {
-    let body = indent(&each(frames.iter().enumerate(), take_apart), 4);
+    let body = indent(&each(frames.iter().enumerate(), decode_frame), 4);
     let first = frames.first().map_or(0, |frame| frame.id);
     let last = frames.len().saturating_sub(1);
     let bits = |group: &str| {
@@ -148,7 +147,7 @@ fn decode_attitude(frames: &[&CanFrame]) -> String {
     let (without, whole) = (bits("attitude"), bits("attitude") | bits("state"));
     let signals = frames.iter().flat_map(|frame| frame.placed());
     let counters = signals.filter(|(_, signal)| signal.of == "counter");
-    let counters = join(counters.map(|(place, _)| format!("{place}U")), ", ");
+    let counters = join(counters.map(|(first, _)| format!("{first}U")), ", ");
     format!(
         r"
 /* An attitude under way. Begin with all zeros. */
@@ -249,8 +248,8 @@ fn short(frame: &CanFrame) -> String {
     let is_other = format!("(in->header.apid != SKYLOOP_APID_{apid}) || !is_short");
     let refuse = when(&is_other, "return SKYLOOP_NOT_REPRESENTABLE;\n");
     let encode = format!("{is_short}{refuse}{fill}return SKYLOOP_OK;\n");
-    let octets = frame.octets;
-    let is_other = format!("(frame->id != SKYLOOP_CAN_{id}) || (frame->length != {octets}U)");
+    let bytes = frame.octets;
+    let is_other = format!("(frame->id != SKYLOOP_CAN_{id}) || (frame->length != {bytes}U)");
     let mut decode = when(&is_other, "return SKYLOOP_BAD_LENGTH;\n");
     decode += "(void)memset(out, 0, sizeof *out);\n";
     decode += &format!("out->header.apid = SKYLOOP_APID_{apid};\n{take}");

@@ -4,7 +4,7 @@ use super::{DIRECTIONS, case, count_to, function, switch, when};
 use crate::model::{Code, Field, Kind, Number, Receiver, Record, Rest, Rule, Schema};
 use crate::text::{block, each, join, snake, upper};
 
-/// Which APIDs there are.
+/// The functions that classify APIDs.
 pub(super) fn known(schema: &Schema) -> String {
     let test = |name: &str, receivers: &[Receiver]| {
         let messages = receivers.iter().flat_map(|receiver| schema.to(*receiver));
@@ -20,7 +20,7 @@ pub(super) fn known(schema: &Schema) -> String {
     )
 }
 
-/// Every reader, writer and range, and the functions of the two directions.
+/// Readers, writers and range checks of all records, and codecs of the two directions.
 pub(super) fn write(schema: &Schema) -> String {
     let records = schema.structs.iter().chain(&schema.messages);
     let records = each(records, |record| match record.opcodes.is_empty() {
@@ -50,7 +50,7 @@ fn three(record: &Record, valid: &str, read: &str, write: &str) -> String {
     })
 }
 
-/// Reader, writer and ranges of one record.
+/// Reader, writer and range check of one record.
 fn functions(schema: &Schema, record: &Record) -> String {
     let name = snake(record.type_name());
     let (mut read, mut write, mut valid) = (String::new(), String::new(), String::new());
@@ -98,12 +98,12 @@ fn functions(schema: &Schema, record: &Record) -> String {
     three(record, &(valid + &last), &read, &write)
 }
 
-/// Fails a reader.
+/// Makes a reader fail.
 fn fail_if(condition: &str) -> String {
     when(condition, "skyloop_fail(reader, SKYLOOP_BAD_VALUE);\n")
 }
 
-/// The end of a number's functions' names.
+/// Suffix of the functions for a number.
 fn suffix(number: Number) -> String {
     match number {
         Number::Time => "u64".to_owned(),
@@ -111,17 +111,17 @@ fn suffix(number: Number) -> String {
     }
 }
 
-/// The loops over all numbers of an array of varying length, while `end` has no error.
+/// The loops over all numbers of an array of variable length, while `end` has no error.
 fn counted(field: &Field, end: &str, of: &str, length: usize, body: &str) -> String {
     let count = field.counted_by.as_deref().unwrap_or_default();
     let inner = block(&format!("for (size_t k = 0U; k < {length}U; k++)"), body);
-    let goes_on = format!("({end}->error == SKYLOOP_OK) && (n < {of}->{count})");
-    block(&format!("for (size_t n = 0U; {goes_on}; n++)"), &inner)
+    let condition = format!("({end}->error == SKYLOOP_OK) && (n < {of}->{count})");
+    block(&format!("for (size_t n = 0U; {condition}; n++)"), &inner)
 }
 
-/// The statements that read a field, and those that write it.
+/// The statements that read a field, and the statements that write it.
 fn codec(field: &Field) -> [String; 2] {
-    let (name, most) = (&field.name, field.most);
+    let (name, max) = (&field.name, field.most);
     match (&field.kind, &field.counted_by) {
         _ if !field.bits.is_empty() => {
             let fail = fail_if(&format!("{name} > {}U", field.all_flags()));
@@ -158,9 +158,9 @@ fn codec(field: &Field) -> [String; 2] {
             let write = format!("skyloop_write_{number}(writer, in->{name}[n][k]);\n");
             let too_long = "writer->error = SKYLOOP_TOO_LONG;\n";
             [
-                fail_if(&format!("out->{count} > {most}U"))
+                fail_if(&format!("out->{count} > {max}U"))
                     + &counted(field, "reader", "out", *length, &read),
-                when(&format!("in->{count} > {most}U"), too_long)
+                when(&format!("in->{count} > {max}U"), too_long)
                     + &counted(field, "writer", "in", *length, &write),
             ]
         }
@@ -182,9 +182,9 @@ fn codec(field: &Field) -> [String; 2] {
     }
 }
 
-/// What a field allows, as statements that return what is wrong.
+/// The statements that return an error for a value out of range.
 fn range(field: &Field) -> String {
-    let (name, least, most) = (&field.name, field.least, field.most);
+    let (name, min, max) = (&field.name, field.least, field.most);
     let error = match field.error.as_deref() {
         Some("NotFinite") => "SKYLOOP_NOT_FINITE",
         _ => "SKYLOOP_BAD_VALUE",
@@ -222,11 +222,11 @@ fn range(field: &Field) -> String {
                 &format!("return {name};\n"),
             );
         }
-        (Kind::Rest(rest @ (Rest::Octets | Rest::Utf8)), _) => {
-            if least > 0 {
-                out += &refuse(format!("in->{name}_length < {least}U"));
+        (Kind::Rest(rest @ (Rest::Bytes | Rest::Utf8)), _) => {
+            if min > 0 {
+                out += &refuse(format!("in->{name}_length < {min}U"));
             }
-            out += &refuse(format!("in->{name}_length > {most}U"));
+            out += &refuse(format!("in->{name}_length > {max}U"));
             if *rest == Rest::Utf8 {
                 out += &refuse(format!("!skyloop_is_utf8(in->{name}, in->{name}_length)"));
             }
@@ -236,7 +236,7 @@ fn range(field: &Field) -> String {
     out
 }
 
-/// A message whose first octet says what follows.
+/// A message with an opcode in its first byte.
 fn commands(message: &Record) -> String {
     let (mut valid, mut read, mut write) = (String::new(), String::new(), String::new());
     for opcode in &message.opcodes {
@@ -262,7 +262,7 @@ fn commands(message: &Record) -> String {
     )
 }
 
-/// How a command's fields are checked, read and written.
+/// The statements that check, read and write a command's fields.
 fn command(opcode: &Code) -> [String; 3] {
     let own = snake(&opcode.name);
     if let Some(kind) = &opcode.type_name {

@@ -11,34 +11,34 @@ use crate::vectors::{Good, Vectors};
 /// The whole file.
 ///
 /// # Errors
-/// A vector of no message.
+/// A vector without a known message.
 pub fn write(schema: &Schema, vectors: &Vectors) -> Result<String, String> {
     let mut checks: Vec<(&str, Vec<String>)> = Vec::new();
     let good = vectors.good.iter().map(|vector| good(schema, vector));
     checks.push(("good", good.collect::<Result<_, _>>()?));
     let bad = vectors.bad.iter().map(|vector| {
-        let (name, error, length) = (&vector.name, upper(&vector.error), vector.octets.len());
+        let (name, error, length) = (&vector.name, upper(&vector.error), vector.bytes.len());
         let link = match vector.receiver.as_str() {
             "emulator" => "uplink",
             _ => "downlink",
         };
-        let packet = octets("packet", &vector.octets);
+        let packet = bytes("packet", &vector.bytes);
         format!("{packet}REFUSED({link}, {name:?}, packet, {length}U, SKYLOOP_{error});\n")
     });
     checks.push(("bad", bad.collect()));
     let serial = vectors.serial.iter().map(|vector| {
-        let arrays = octets("packet", &vector.packet) + &octets("line", &vector.line);
+        let arrays = bytes("packet", &vector.packet) + &bytes("line", &vector.line);
         let name = &vector.name;
         format!("{arrays}check_serial({name:?}, packet, sizeof packet, line, sizeof line);\n")
     });
     checks.push(("serial", serial.collect()));
     let can = vectors.can.iter().map(|vector| {
         let frames = each(&vector.frames, |(id, data)| {
-            let octets = join(data.iter().map(|octet| format!("0x{octet:02x}")), ", ");
-            format!("{{{id:#05x}U, {}U, {{{octets}}}}},\n", data.len())
+            let bytes = join(data.iter().map(|byte| format!("0x{byte:02x}")), ", ");
+            format!("{{{id:#05x}U, {}U, {{{bytes}}}}},\n", data.len())
         });
         let frames = array("skyloop_can_frame_t", "frames", &frames);
-        let packet = octets("packet", &vector.packet);
+        let packet = bytes("packet", &vector.packet);
         let good = vectors.good.iter().find(|good| good.name == vector.of);
         let kind = good.map_or(String::new(), |good| snake(&good.message));
         let arguments = "packet, sizeof packet, frames, sizeof frames / sizeof frames[0]";
@@ -65,16 +65,16 @@ fn array(kind: &str, name: &str, lines: &str) -> String {
     format!("{array};\n")
 }
 
-fn octets(name: &str, octets: &[u8]) -> String {
-    let lines = each(octets.chunks(20), |line| {
-        let octets = join(line.iter().map(|octet| format!("0x{octet:02x}")), ", ");
-        format!("{octets},\n")
+fn bytes(name: &str, bytes: &[u8]) -> String {
+    let lines = each(bytes.chunks(20), |line| {
+        let bytes = join(line.iter().map(|byte| format!("0x{byte:02x}")), ", ");
+        format!("{bytes},\n")
     });
     let lines = if lines.is_empty() { "0\n" } else { &lines };
     array("uint8_t", name, lines)
 }
 
-/// Builds the message, encodes it, decodes it, compares both ways.
+/// Builds a message, encodes and decodes it, and compares both results with the vector.
 fn good(schema: &Schema, vector: &Good) -> Result<String, String> {
     let message = schema.message(&vector.message)?;
     let link = match message.to {
@@ -114,7 +114,7 @@ fn good(schema: &Schema, vector: &Good) -> Result<String, String> {
             if value.get("rice").is_some() {
                 same += &check_compressed(value, &path)?;
             }
-            let (rest, length) = (octets("rest", vector.rest()), vector.rest().len());
+            let (rest, length) = (bytes("rest", vector.rest()), vector.rest().len());
             set += &format!("{rest}made.{path} = rest;\nmade.{path}_length = {length}U;\n");
             same += &format!("SAME(got.{path}_length, {length}U);\n");
             same += &format!("CHECK(memcmp(got.{path}, rest, {length}U) == 0);\n");
@@ -133,7 +133,7 @@ fn good(schema: &Schema, vector: &Good) -> Result<String, String> {
     let Good {
         name, count, time, ..
     } = vector;
-    let (packet, apid) = (octets("packet", &vector.octets), upper(&message.name));
+    let (packet, apid) = (bytes("packet", &vector.bytes), upper(&message.name));
     Ok(format!(
         "{packet}skyloop_{link}_t made;\nskyloop_{link}_t got;\n(void)memset(&made, 0, sizeof made);\n\
          made.header.apid = SKYLOOP_APID_{apid};\nmade.header.sequence_count = {count}U;\n\
@@ -154,7 +154,7 @@ fn check_compressed(value: &Value, path: &str) -> Result<String, String> {
     ))
 }
 
-/// Place and literal of each number of a field.
+/// Path and literal of each number of a field.
 fn numbers_of(field: &Field, value: &Value, path: &str) -> Result<Vec<(String, String)>, String> {
     let literal = |number: Number, value: &Value| -> Result<String, String> {
         Ok(match number {
@@ -175,12 +175,12 @@ fn numbers_of(field: &Field, value: &Value, path: &str) -> Result<Vec<(String, S
         Kind::One(number) => Ok(vec![(path.to_owned(), literal(*number, value)?)]),
         Kind::Array(number, length) => {
             let numbers = numbers(value)?.into_iter().enumerate();
-            let place = |n| match field.counted_by {
+            let element = |n| match field.counted_by {
                 Some(_) => format!("{path}[{}][{}]", n / length, n % length),
                 None => format!("{path}[{n}]"),
             };
             numbers
-                .map(|(n, value)| Ok((place(n), literal(*number, &value)?)))
+                .map(|(n, value)| Ok((element(n), literal(*number, &value)?)))
                 .collect()
         }
         _ => Ok(Vec::new()),

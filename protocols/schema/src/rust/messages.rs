@@ -1,11 +1,12 @@
-//! The messages in Rust: commands, the packets of a frame, answers; and the two enums over them.
+//! The messages in Rust: commands, the packets of a frame, answers; and the enums of each
+//! direction.
 
 use super::record::{field_range, read_value, rust_type, write_value};
 use super::{WRITE, doc};
 use crate::model::{Code, Field, Receiver, Record, Schema};
 use crate::text::{block, braces, each, join, upper};
 
-/// What a client sends.
+/// The packets of a client.
 pub(super) fn commands(schema: &Schema) -> String {
     let imports = "use super::codes::{Direction, FaultKind, LabelLevel, Opcode, PixelLevel, apid};\n\
          use crate::error::{DecodeError, EncodeError};\nuse crate::rules::{finite, positive, rule};\n\
@@ -14,7 +15,7 @@ pub(super) fn commands(schema: &Schema) -> String {
         let name = opcode.type_name.as_ref()?;
         schema.structure(name)
     });
-    let records = whole(schema).chain(structures);
+    let records = plain(schema).chain(structures);
     format!(
         "{imports}{}{}",
         each(records, |record| record.rust(schema)),
@@ -23,15 +24,15 @@ pub(super) fn commands(schema: &Schema) -> String {
 }
 
 /// The telecommands without opcodes.
-fn whole(schema: &Schema) -> impl Iterator<Item = &Record> {
+fn plain(schema: &Schema) -> impl Iterator<Item = &Record> {
     let messages = schema.to(Receiver::Emulator);
     messages.filter(|message| message.opcodes.is_empty())
 }
 
-/// What closes a frame: it has a file of its own.
+/// The last packet of a frame, which has a file of its own.
 const END: &str = "FrameEnd";
 
-/// The packets that take credit, but for the last of a frame.
+/// The packets of a frame, without the last.
 pub(super) fn frames(schema: &Schema) -> String {
     "use super::codes::{LabelLevel, Packing, PixelLevel};\nuse crate::error::{DecodeError, EncodeError};\n\
      use crate::rules::{positive, rule};\nuse crate::time::WireTime;\nuse crate::wire::{Reader, Writer};\n"
@@ -48,7 +49,7 @@ pub(super) fn ends(schema: &Schema) -> String {
         + &each(end, |message| of_frame(schema, message))
 }
 
-/// A packet of a frame, with the structures that it holds.
+/// A packet of a frame and the structures of its fields.
 fn of_frame(schema: &Schema, message: &Record) -> String {
     let fields = message.fields.iter();
     let structures = fields.filter_map(|field| schema.inner(field).or(schema.record(field)));
@@ -57,18 +58,18 @@ fn of_frame(schema: &Schema, message: &Record) -> String {
     })
 }
 
-/// Whether a message is part of a frame: its time is that of the exposure.
+/// Whether a message is part of a frame: its time is the time of the exposure.
 fn is_of_frame(message: &Record) -> bool {
     message.time.contains("exposure") || message.time.contains("FrameHeader")
 }
 
-/// The packets of a frame but for its last.
+/// The packets of a frame, without the last.
 fn inner_packets(schema: &Schema) -> impl Iterator<Item = &Record> {
     let messages = schema.to(Receiver::Client);
     messages.filter(|message| is_of_frame(message) && message.name != END)
 }
 
-/// The other packets, and the enum over all.
+/// The other packets, and the enum of all packets.
 pub(super) fn answers(schema: &Schema) -> String {
     let names = join(inner_packets(schema).map(Record::type_name), ", ");
     let answers = schema
@@ -84,7 +85,7 @@ pub(super) fn answers(schema: &Schema) -> String {
     )
 }
 
-/// The names of these fields, as a pattern.
+/// A pattern of the names of these fields.
 fn pattern<'a>(fields: impl Iterator<Item = &'a Field>, rest: &str) -> String {
     format!(
         " {{ {}{rest} }}",
@@ -92,22 +93,22 @@ fn pattern<'a>(fields: impl Iterator<Item = &'a Field>, rest: &str) -> String {
     )
 }
 
-/// The variants of an enum over messages, and the arms of its methods.
+/// The variants of an enum of messages, and the arms of its methods.
 #[derive(Default)]
 struct Arms {
     variants: String,
-    /// Gives the APID, or the opcode of a command.
+    /// Arms with the APID, or the opcode of a command.
     kinds: String,
     reads: String,
     writes: String,
     checks: String,
 }
 
-/// The enum of everything that a client can say.
+/// The enum of all messages of a client.
 fn command(schema: &Schema) -> String {
     let mut arms = Arms::default();
     let mut apids = String::new();
-    for message in whole(schema) {
+    for message in plain(schema) {
         let (name, kind) = (&message.name, message.type_name());
         apids += &format!("Self::{name}(_) => apid::{},\n", upper(name));
         arms.kinds += &format!("Self::{name}(_) => None,\n");
@@ -148,7 +149,6 @@ fn command(schema: &Schema) -> String {
         + &enumeration("Command", "", &arms.variants, methods)
 }
 
-/// An enum with its methods.
 fn enumeration<const N: usize>(
     name: &str,
     generics: &str,
@@ -167,7 +167,7 @@ impl Arms {
         self.variants += &format!("{}{name}{content},\n", doc(about));
     }
 
-    /// A variant around a type that writes and checks itself.
+    /// A variant with a type that has methods to write and check.
     fn delegate(&mut self, name: &str) {
         self.writes += &format!("Self::{name}(inner) => inner.write(writer)?,\n");
         self.checks += &format!("Self::{name}(inner) => inner.check()?,\n");
@@ -230,7 +230,7 @@ impl Arms {
     }
 }
 
-/// The enum of everything that the emulator can say.
+/// The enum of all messages of the emulator.
 fn reply(schema: &Schema) -> String {
     let mut arms = Arms::default();
     for message in schema.to(Receiver::Client) {

@@ -1,11 +1,11 @@
-//! One message or structure in Rust: declaration, reader, writer, and the range of each field.
+//! One message or structure in Rust: declaration, reader, writer, range checks.
 
 use super::{WRITE, doc};
 use crate::model::{Field, Kind, Number, Record, Rest, Rule, Schema};
 use crate::text::{block, braces, each, join};
 
 impl Record {
-    /// Everything of it.
+    /// Its declaration and methods.
     pub(super) fn rust(&self, schema: &Schema) -> String {
         let name = self.type_name();
         let mut out = self.declaration(schema, name, &self.doc, &self.members());
@@ -14,21 +14,21 @@ impl Record {
             let members = each(fields, |field| self.member(field));
             out += &self.declaration(schema, &optional.type_name, &optional.doc, &members);
         }
-        let (generics, reader) = match self.borrows {
-            true => ("<'a>", "Reader<'a>"),
-            false => ("", "Reader<'_>"),
+        let (generics, reader) = if self.borrows {
+            ("<'a>", "Reader<'a>")
+        } else {
+            ("", "Reader<'_>")
         };
         let read = format!("fn read(reader: &mut {reader}) -> Result<Self, DecodeError>");
         let read = block(&format!("pub(crate) {read}"), &self.read(schema));
         let mut body = read + "\n" + &block(WRITE, &self.write());
         let ranges = each(&self.fields, |field| self.range(schema, field));
         if !self.check || !ranges.is_empty() {
-            let check = match self.check {
-                true => "/// What the fields allow, each by itself.\npub(crate) fn check_fields",
-                false => {
-                    "/// Refuses values that the fields do not allow. What was decoded has passed this.\n\
-                     pub fn check"
-                }
+            let check = if self.check {
+                "/// What the fields allow, each by itself.\npub(crate) fn check_fields"
+            } else {
+                "/// Refuses values that the fields do not allow. What was decoded has passed this.\n\
+                 pub fn check"
             };
             let check = format!("\n{check}(&self) -> Result<(), DecodeError>");
             body += &block(&check, &(ranges + "Ok(())\n"));
@@ -36,14 +36,14 @@ impl Record {
         out + "\n" + &block(&format!("impl{generics} {name}{generics}"), &body)
     }
 
-    /// Octets of its fields that are always the same.
+    /// Total length of its fields of constant length.
     pub(super) fn length(&self, schema: &Schema) -> String {
-        let octets = schema.flat(&self.fields);
-        let octets: usize = octets.iter().filter_map(Field::octets).sum();
+        let bytes = schema.flat(&self.fields);
+        let bytes: usize = bytes.iter().filter_map(Field::bytes).sum();
         let lifetime = if self.borrows { "<'_>" } else { "" };
         let body = format!(
             "/// Octets of its fields, the rest of variable length aside.\n\
-             pub const FIELDS_LENGTH: usize = {octets};\n"
+             pub const FIELDS_LENGTH: usize = {bytes};\n"
         );
         block(&format!("\nimpl {}{lifetime}", self.type_name()), &body)
     }
@@ -59,7 +59,6 @@ impl Record {
         format!("\n{}{derive}{body}", doc(about))
     }
 
-    /// The members of its type.
     fn members(&self) -> String {
         let own = |field: &&Field| !field.optional && !self.is_flag(field);
         let mut out = each(self.fields.iter().filter(own), |field| self.member(field));
@@ -81,10 +80,11 @@ impl Record {
             about += &format!(" Unit: {unit}.");
         }
         let about = doc(&about);
-        let seen = if self.private { "pub(crate)" } else { "pub" };
-        match field.bits.is_empty() {
-            true => format!("{about}{seen} {name}: {},\n", rust_type(field)),
-            false => each(&field.bits, |bit| format!("{about}{seen} {bit}: bool,\n")),
+        let public = if self.private { "pub(crate)" } else { "pub" };
+        if field.bits.is_empty() {
+            format!("{about}{public} {name}: {},\n", rust_type(field))
+        } else {
+            each(&field.bits, |bit| format!("{about}{public} {bit}: bool,\n"))
         }
     }
 
@@ -99,12 +99,12 @@ impl Record {
             }
             out += &match (&field.kind, &field.counted_by) {
                 (Kind::Array(number, length), Some(count)) => {
-                    let (most, read) = (field.most, read_number(*number));
+                    let (max, read) = (field.most, read_number(*number));
                     let head = "for number in listed.ok_or(DecodeError::BadValue { field, rule })?.iter_mut().flatten()";
                     format!(
-                        "let mut {name} = [[0; {length}]; {most}];\n\
+                        "let mut {name} = [[0; {length}]; {max}];\n\
                          let listed = {name}.get_mut(..usize::from({count}));\n\
-                         let rule = \"must be {most} or fewer\";\n\
+                         let rule = \"must be {max} or fewer\";\n\
                          let field = \"{owner}.{count}\";\n{}",
                         block(head, &format!("*number = {read};\n"))
                     )
@@ -169,8 +169,8 @@ impl Record {
             };
         }
         if self.optional.is_some() {
-            let is_there = format!("if let Some({optional}) = &self.{optional}");
-            out += &block(&is_there, &inner);
+            let is_present = format!("if let Some({optional}) = &self.{optional}");
+            out += &block(&is_present, &inner);
         }
         if self.counters {
             let each_value = "for (_, value) in self.counters.iter()";
@@ -179,7 +179,7 @@ impl Record {
         out + "Ok(())\n"
     }
 
-    /// Statements that refuse what a field does not allow.
+    /// The statements that refuse a value out of range.
     fn range(&self, schema: &Schema, field: &Field) -> String {
         match &self.optional {
             _ if field.counted_by.is_some() => String::new(),
@@ -193,12 +193,12 @@ impl Record {
     }
 }
 
-/// Statements that refuse what a field does not allow; `of` stands before its name.
+/// The statements that refuse a value out of range; `of` is the prefix of its name.
 pub(super) fn field_range(schema: &Schema, owner: &str, field: &Field, of: &str) -> String {
     let name = format!("\"{owner}.{}\"", field.name);
-    let place = format!("{of}{}", field.name);
+    let path = format!("{of}{}", field.name);
     let mut out = String::new();
-    // Codes are checked as they are read, counts with what they count.
+    // Codes are checked by their reader, counts by the reader of their array.
     let limited = field.min.is_some() || field.max.is_some();
     if let Some(text) = field.limits(schema).filter(|_| limited && field.most == 0) {
         let number = |limit: Option<f64>| match (limit, field.kind.is_float()) {
@@ -208,32 +208,32 @@ pub(super) fn field_range(schema: &Schema, owner: &str, field: &Field, of: &str)
         };
         let equals = if field.max.is_some() { "=" } else { "" };
         let range = format!("({}..{equals}{})", number(field.min), number(field.max));
-        // What stands behind a reference is one already.
+        // With a dereference as prefix, the name itself is a reference.
         let borrowed = match of {
             "*" => field.name.clone(),
-            _ => format!("&{place}"),
+            _ => format!("&{path}"),
         };
         out += &format!("rule({range}.contains({borrowed}), {name}, \"must be {text}\")?;\n");
     }
     out += &match (field.rule, field.error.as_deref()) {
         (Some(Rule::Positive), _) => {
-            // What the emulator accepts of it.
+            // The emulator's range, which may be narrower.
             let range = field.range.as_deref().unwrap_or("finite and above 0");
             let text = format!("must be {range} {}", field.unit);
-            format!("positive({name}, {place}, {:?})?;\n", text.trim_end())
+            format!("positive({name}, {path}, {:?})?;\n", text.trim_end())
         }
-        (Some(Rule::Finite), Some("NotFinite")) => format!("finite({name}, &{place})?;\n"),
+        (Some(Rule::Finite), Some("NotFinite")) => format!("finite({name}, &{path})?;\n"),
         (Some(Rule::Finite), _) => {
-            format!("rule({place}.is_finite(), {name}, \"must be finite\")?;\n")
+            format!("rule({path}.is_finite(), {name}, \"must be finite\")?;\n")
         }
         (None, _) => String::new(),
     };
     match &field.kind {
-        Kind::Struct(_) => out + &format!("{place}.check()?;\n"),
-        Kind::Rest(Rest::Octets) => {
-            let (least, most) = (field.least, field.most);
-            let holds = format!("({least}..={most}).contains(&{place}.len())");
-            out + &format!("rule({holds}, {name}, \"must be {least} to {most} octets\")?;\n")
+        Kind::Struct(_) => out + &format!("{path}.check()?;\n"),
+        Kind::Rest(Rest::Bytes) => {
+            let (min, max) = (field.least, field.most);
+            let holds = format!("({min}..={max}).contains(&{path}.len())");
+            out + &format!("rule({holds}, {name}, \"must be {min} to {max} octets\")?;\n")
         }
         _ => out,
     }
@@ -256,8 +256,8 @@ pub(super) fn read_value(schema: &Schema, owner: &str, field: &Field) -> String 
         (Kind::Ascii(_), _) => "reader.array()?".to_owned(),
         (Kind::Struct(kind), _) => format!("{kind}::read(reader)?"),
         (Kind::Rest(Rest::Utf8), _) => {
-            let most = field.most;
-            format!("reader.text({most}, {name}, \"must be {most} octets or fewer\")?")
+            let max = field.most;
+            format!("reader.text({max}, {name}, \"must be {max} octets or fewer\")?")
         }
         (Kind::Rest(_), _) => "reader.rest()".to_owned(),
     }
@@ -290,16 +290,16 @@ pub(super) fn rust_type(field: &Field) -> String {
 }
 
 /// The statement that writes a field.
-pub(super) fn write_value(field: &Field, place: &str) -> String {
+pub(super) fn write_value(field: &Field, path: &str) -> String {
     let call = match &field.kind {
-        _ if field.codes.is_some() => format!("writer.u8({place}.code())"),
-        Kind::One(Number::Time) => format!("writer.u64({}.0)", place.trim_start_matches('*')),
-        Kind::One(number) => format!("writer.{}({place})", number.name()),
-        Kind::Array(number, _) => format!("writer.{}s(&{place})", number.name()),
-        Kind::Ascii(_) => format!("writer.bytes(&{place})"),
-        Kind::Struct(_) => format!("{place}.write(writer)"),
-        Kind::Rest(Rest::Utf8) => format!("writer.bytes({place}.as_bytes())"),
-        Kind::Rest(_) => format!("writer.bytes({place})"),
+        _ if field.codes.is_some() => format!("writer.u8({path}.code())"),
+        Kind::One(Number::Time) => format!("writer.u64({}.0)", path.trim_start_matches('*')),
+        Kind::One(number) => format!("writer.{}({path})", number.name()),
+        Kind::Array(number, _) => format!("writer.{}s(&{path})", number.name()),
+        Kind::Ascii(_) => format!("writer.bytes(&{path})"),
+        Kind::Struct(_) => format!("{path}.write(writer)"),
+        Kind::Rest(Rest::Utf8) => format!("writer.bytes({path}.as_bytes())"),
+        Kind::Rest(_) => format!("writer.bytes({path})"),
     };
     call + "?;\n"
 }
