@@ -1,4 +1,5 @@
-//! The documents say what the program does: labels, command line, configuration keys, cameras, rooms, dependencies.
+//! The documents agree with the program: labels, command line, configuration keys, cameras, rooms,
+//! dependencies.
 
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -43,7 +44,7 @@ fn section<'a>(document: &'a str, heading: &str) -> &'a str {
     &rest[..end.unwrap_or(rest.len())]
 }
 
-/// What stands in backquotes in the first column of a section's tables.
+/// The code spans in the first column of a section's tables.
 fn first_column(section: &str) -> Names {
     let rows = section.lines().filter_map(|line| line.strip_prefix("| "));
     let cells = rows.filter_map(|row| row.split(" |").next());
@@ -89,10 +90,10 @@ fn every_effect_has_its_section_and_the_picture_that_the_program_draws() {
         let file = format!("effects/{}", picture.file());
         assert!(page.contains(&format!("](../{file})")), "{file}");
         let decoded = |png: &[u8]| image::load_from_memory(png).unwrap();
-        let shown = std::fs::read(root().join("docs").join(&file)).unwrap();
+        let committed = std::fs::read(root().join("docs").join(&file)).unwrap();
         assert!(
-            decoded(&shown) == decoded(&draw::png(picture).unwrap()),
-            "docs/{file} is another picture: cargo run --release --example effect_pictures"
+            decoded(&committed) == decoded(&draw::png(picture).unwrap()),
+            "docs/{file} is stale: cargo run --release --example effect_pictures"
         );
     }
 }
@@ -120,7 +121,7 @@ fn every_scene_has_its_section_and_a_picture() {
 }
 
 #[test]
-fn the_knobs_are_listed_with_what_presets_have() {
+fn the_tolerances_of_presets_are_listed() {
     let page = page("docs/how-to/accuracy-and-time.md");
     let rows = section(&page, "## Fidelity").lines();
     let rows = rows.filter(|row| row.starts_with("| `"));
@@ -129,12 +130,12 @@ fn the_knobs_are_listed_with_what_presets_have() {
     for (row, tolerance) in rows.iter().zip(TOLERANCES) {
         assert_eq!(row[0].trim_matches('`'), tolerance.name);
         for (cell, (preset, fidelity)) in row[2..].iter().zip(PRESETS) {
-            let said = match cell.parse() {
+            let listed = match cell.parse() {
                 Ok(number) => Value::Number(number).to_string(),
                 Err(_) => cell.trim_matches('`').to_string(),
             };
             let value = (tolerance.get)(fidelity).to_string();
-            assert_eq!(said, value, "{} of {preset}", tolerance.name);
+            assert_eq!(listed, value, "{} of {preset}", tolerance.name);
         }
     }
 }
@@ -157,7 +158,7 @@ fn the_readmes_commands_exist() {
     Config::load(&root().join("configs/run.toml")).unwrap();
 }
 
-/// The keys that a table knows, as the refusal of an unknown one names them.
+/// The known keys of a table, as listed in the refusal of an unknown key.
 fn known(refusal: impl std::fmt::Display, table: &str) -> Names {
     let text = refusal.to_string();
     let (_, list) = text.split_once(", known: ").expect(&text);
@@ -165,8 +166,8 @@ fn known(refusal: impl std::fmt::Display, table: &str) -> Names {
     keys.map(|key| format!("{table}{key}")).collect()
 }
 
-/// All keys of a file that `probe` reads: those of its root, and of these tables. `probe` gives the
-/// keys of a text with an unknown one, each after the name of a table.
+/// All keys of a file: those of its root and of these tables. `probe` returns the known keys of a
+/// text with an unknown key, each after the name of its table.
 fn all_keys(tables: &[&str], probe: impl Fn(&str, &str) -> Names) -> Names {
     let mut all = probe("no_such_key = 1", "");
     for table in tables {
@@ -194,7 +195,7 @@ fn the_default_file_has_every_key_and_no_other() {
     let mut found = Names::new();
     let mut table = String::new();
     for line in DEFAULT_TOML.lines() {
-        // Tables and keys without a default stand behind a comment mark, alternatives to them behind two.
+        // Tables and keys without a default are commented out with `#`, alternatives with `##`.
         let line = line.strip_prefix("# ").unwrap_or(line);
         let line = line.strip_prefix("##").unwrap_or(line);
         if let Some(name) = line.strip_prefix('[').and_then(|rest| rest.split_once(']')) {
@@ -222,7 +223,8 @@ fn the_default_files_values_are_the_defaults() {
     assert_eq!(format!("{written:?}"), format!("{built:?}"));
 }
 
-/// The embedded file with every commented key in force: `# key = value` becomes `key = value`. Those behind `##` exclude another.
+/// The embedded file with every commented key active: `# key = value` becomes `key = value`. Keys
+/// behind `##` exclude another key.
 fn uncommented() -> String {
     let is_key = |rest: &str| {
         let (head, _) = rest.split_once(['=', ']']).unwrap_or_default();
@@ -236,7 +238,7 @@ fn uncommented() -> String {
 }
 
 #[test]
-fn the_default_file_holds_with_every_commented_key_in_force() {
+fn the_default_file_is_valid_with_every_commented_key() {
     let folder = tempfile::tempdir().unwrap();
     // X-Val: Spacetrack Report 3, first test case, as a three-line element set.
     let elements = "NAME\n\
@@ -255,7 +257,7 @@ fn the_default_file_holds_with_every_commented_key_in_force() {
     assert_eq!(run.realtime.priority.take(), Some(50));
     let heads = std::mem::take(&mut config.cameras);
     assert_eq!((heads.len(), heads[0].name.as_str()), (1, "B"));
-    // All else is as without a file.
+    // All other keys have their defaults.
     let built = Config::defaults().unwrap();
     assert_eq!(format!("{config:?}"), format!("{built:?}"));
 }
@@ -314,7 +316,7 @@ fn cells(row: &str) -> Vec<&str> {
 }
 
 #[test]
-fn the_page_of_links_says_how_long_each_output_level_takes() {
+fn the_page_of_links_has_the_time_of_each_output_level() {
     let page = page("docs/how-to/links.md");
     let text = section(&page, "## Output levels");
     let mut rows = text.lines().skip_while(|row| !row.starts_with("| | `"));
@@ -336,12 +338,11 @@ fn the_page_of_links_says_how_long_each_output_level_takes() {
         let levels = server.levels();
         assert_eq!(levels.lines().count(), rows.len() + 1, "{levels}");
         for (row, line) in rows.iter().zip(levels.lines().skip(1)) {
-            let said = line.trim().strip_prefix(row[0]).expect(line);
+            let printed = line.trim().strip_prefix(row[0]).expect(line);
             let seconds = format!(" octets {:>10} s ", row[column]);
-            let is_said = said.contains(&seconds);
             assert!(
-                is_said,
-                "{link}: the page has {seconds:?}, the program{said}"
+                printed.contains(&seconds),
+                "{link}: the page has {seconds:?}, the program{printed}"
             );
         }
     }

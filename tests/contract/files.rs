@@ -144,14 +144,14 @@ fn keys_of_configurations_and_labels_are_unchanged() {
     assert_unchanged("keys", &all);
 }
 
-/// A text without what is between two marks, the marks included.
+/// A text without the parts from mark `begin` to mark `end`.
 fn without(text: &str, begin: &str, end: &str) -> String {
     let mut parts = text.split(begin);
-    let mut kept = parts.next().unwrap().to_string();
+    let mut rest = parts.next().unwrap().to_string();
     for part in parts {
-        kept += part.split_once(end).unwrap().1;
+        rest += part.split_once(end).unwrap().1;
     }
-    kept
+    rest
 }
 
 /// The generated files without comments and descriptions, which are prose.
@@ -166,7 +166,7 @@ fn generated_wire_files_are_unchanged() {
     let dbc = dbc
         .lines()
         .filter(|line| !line.starts_with("VERSION") && !line.starts_with("CM_"));
-    // Of the ICD the rows of its tables, without the last column, which describes.
+    // Of the ICD only the rows of its tables, without the description in the last column.
     let icd = read("docs/icd.md");
     let rows = icd.lines().filter(|line| line.starts_with('|'));
     let rows = rows.map(|row| row.rsplitn(3, '|').last().unwrap());

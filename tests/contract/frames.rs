@@ -49,7 +49,7 @@ fn without_comment(card: &str) -> Option<String> {
     Some(format!("{}{unit}", value.trim_end()))
 }
 
-/// CRC-32 of a label, whatever it says of why effects run.
+/// CRC-32 of a label without the reasons of effects.
 fn label_crc(line: &str) -> u32 {
     let mut label: Value = serde_json::from_str(line).unwrap();
     for effect in label["effects"].as_array_mut().unwrap() {

@@ -1,9 +1,9 @@
-//! What others rely on, as the program at 3edfec3 made it. It may not change while the code is
+//! The contract with users, from the program at 3edfec3. It must not change while the code is
 //! reorganised: pixels, labels, headers, names of columns, metrics, options and keys, exit codes,
-//! and the generated wire files. Prose may change: help, error texts, comments, and why an effect
-//! runs.
+//! and the generated wire files. Prose may change: help, error texts, comments, and the reasons of
+//! effects.
 //!
-//! The text files beside this one are never made anew to let a change pass.
+//! The text files in this folder are never renewed to let a change pass.
 
 mod files;
 mod frames;
@@ -24,7 +24,7 @@ fn skyloop(at: &Path) -> Command {
     command
 }
 
-/// Standard output of `skyloop` with arguments that are apart by blanks. It must succeed.
+/// Standard output of `skyloop` with arguments separated by blanks. It must succeed.
 fn output_of(at: &Path, arguments: &str) -> String {
     let output = skyloop(at)
         .args(arguments.split_whitespace())
@@ -35,8 +35,8 @@ fn output_of(at: &Path, arguments: &str) -> String {
     String::from_utf8(output.stdout).unwrap()
 }
 
-/// Compares lines with those of `tests/contract/NAME.txt`; what was made is left in cargo's folder
-/// for tests.
+/// Compares lines with those of `tests/contract/NAME.txt`. If they differ, cargo's folder for tests
+/// gets the new lines.
 fn assert_unchanged(name: &str, made: &str) {
     let path = repository(&format!("tests/contract/{name}.txt"));
     let known = std::fs::read_to_string(&path).unwrap_or_default();

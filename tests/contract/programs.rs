@@ -9,7 +9,7 @@ use std::path::Path;
 use std::process::Child;
 use std::time::{Duration, Instant};
 
-/// From the script of completions: a block for each command, with its options and subcommands.
+/// The script of completions has a block for each command with its options and subcommands.
 #[test]
 fn names_of_options_and_commands_are_unchanged() {
     let here = tempfile::tempdir().unwrap();
@@ -28,7 +28,7 @@ fn names_of_options_and_commands_are_unchanged() {
             continue;
         };
         let command = command.replace("__subcmd__", " ");
-        // `catalog convert` goes.
+        // `catalog convert` was removed.
         if command
             .split(' ')
             .any(|word| word == "help" || word == "convert")
@@ -79,8 +79,8 @@ fn inputs(at: &Path) {
     write("recording.pcapng", "no recording");
 }
 
-/// Each line of `exit_codes.txt`: a code, and arguments that end with it. A line uses what those
-/// before it wrote.
+/// Each line of `exit_codes.txt` has an exit code and arguments. A line uses the files of the lines
+/// before it.
 #[test]
 fn exit_codes_are_unchanged() {
     let here = tempfile::tempdir().unwrap();
@@ -96,7 +96,7 @@ fn exit_codes_are_unchanged() {
             .unwrap();
         let ended = output.status.code().unwrap();
         let log = String::from_utf8_lossy(&output.stderr);
-        // An error is said once, on standard error.
+        // Errors are printed on standard error.
         if ended.to_string() != code || (ended != 0 && log.trim().is_empty()) {
             writeln!(
                 wrong,
@@ -108,7 +108,7 @@ fn exit_codes_are_unchanged() {
     assert!(wrong.is_empty(), "{wrong}");
 }
 
-/// A process that is ended with the test.
+/// A process that is killed at the end of the test.
 struct Ended(Child);
 
 impl Drop for Ended {
@@ -118,7 +118,7 @@ impl Drop for Ended {
     }
 }
 
-/// The page of metrics, or nothing where nobody listens yet.
+/// The page of metrics, or `None` before the port is open.
 fn page(address: SocketAddr) -> Option<String> {
     let mut stream = TcpStream::connect(address).ok()?;
     let request = b"GET /metrics HTTP/1.1\r\nHost: here\r\n\r\n";
@@ -129,9 +129,8 @@ fn page(address: SocketAddr) -> Option<String> {
     head.starts_with("HTTP/1.1 200").then(|| page.to_string())
 }
 
-/// Names and types of metrics, and each sample's labels; of addresses and versions the values are
-/// left out. Whether frames are withheld depends on the machine: `tests/wire/withheld.rs` has that
-/// metric.
+/// Names and types of metrics, and each sample's labels, without the values of addresses and
+/// versions. Withheld frames depend on the machine: `tests/wire/withheld.rs` tests their metric.
 fn described(page: &str, found: &mut BTreeSet<String>) {
     for line in page.lines().filter(|line| !line.contains("withheld")) {
         if let Some(kind) = line.strip_prefix("# TYPE ") {

@@ -1,4 +1,5 @@
-//! `docs/explanation/cost.md` has the bounds of the knobs, and all pages the same figures of what `reference` takes.
+//! `docs/explanation/cost.md` has the error bounds of the tolerances, and all pages agree on the
+//! time of `reference`.
 
 use super::{DEFAULT_TOML, TOLERANCES, Value, cells, section};
 use skyloop::fidelity::{Fidelity, Tolerance};
@@ -13,7 +14,7 @@ fn rows(heading: &str) -> Vec<Vec<&'static str>> {
     rows.map(cells).collect()
 }
 
-/// What a preset's value of a knob stands for, with so many digits as the table has.
+/// The error bound of a preset's tolerance, with as many digits as in the table.
 fn bound(tolerance: &Tolerance, preset: &Fidelity) -> String {
     let bound = match (tolerance.get)(preset) {
         Value::Number(value) => (tolerance.bound)(value),
@@ -23,9 +24,9 @@ fn bound(tolerance: &Tolerance, preset: &Fidelity) -> String {
 }
 
 #[test]
-fn the_table_of_knobs_has_their_bounds() {
+fn the_table_of_tolerances_has_their_bounds() {
     let rows = rows("## What each tolerance bounds, and what is measured");
-    // It says itself why that one is not among them.
+    // The page explains why this one is missing.
     let tolerances: Vec<&Tolerance> = TOLERANCES
         .iter()
         .filter(|of| of.name != "poisson_tv")
@@ -34,30 +35,30 @@ fn the_table_of_knobs_has_their_bounds() {
     for (row, tolerance) in rows.iter().zip(tolerances) {
         assert_eq!(row[0].split('`').nth(1), Some(tolerance.name));
         for (at, preset) in [(2, Fidelity::FAST), (4, Fidelity::REALTIME)] {
-            let [said, measured]: [f64; 2] = [at, at + 1].map(|at| row[at].parse().unwrap());
+            let [listed, measured]: [f64; 2] = [at, at + 1].map(|at| row[at].parse().unwrap());
             assert_eq!(
-                format!("{said:.1e}"),
+                format!("{listed:.1e}"),
                 bound(tolerance, &preset),
                 "{}",
                 tolerance.name
             );
-            let is_near = measured <= said && said <= 10.0 * measured;
-            assert!(is_near, "{}: {measured} of {said}", tolerance.name);
+            let is_near = measured <= listed && listed <= 10.0 * measured;
+            assert!(is_near, "{}: {measured} of {listed}", tolerance.name);
         }
     }
 }
 
 #[test]
-fn all_say_how_long_reference_takes() {
+fn all_pages_agree_on_the_time_of_reference() {
     // Median times of `realtime` and `reference`, ms.
     let ratios = rows("## What it says").into_iter().map(|row| {
         let ms = |cell: &str| -> f64 { cell.split(' ').next().unwrap().parse().unwrap() };
         ms(row[3]) / ms(row[2])
     });
-    let [least, most] = ratios.fold([f64::MAX, 0.0], |[least, most], ratio| {
-        [ratio.min(least), ratio.max(most)]
+    let [min, max] = ratios.fold([f64::MAX, 0.0], |[min, max], ratio| {
+        [ratio.min(min), ratio.max(max)]
     });
-    let said = format!("takes {least:.1} to {most:.1} times as long");
-    assert!(COST.contains(&format!("`reference` {said}")), "{said}");
-    assert!(DEFAULT_TOML.contains(&said), "{said}");
+    let text = format!("takes {min:.1} to {max:.1} times as long");
+    assert!(COST.contains(&format!("`reference` {text}")), "{text}");
+    assert!(DEFAULT_TOML.contains(&text), "{text}");
 }

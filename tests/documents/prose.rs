@@ -1,5 +1,4 @@
-//! The pages as a reader meets them: links lead somewhere, pages are short, and so are lines and
-//! sentences.
+//! Links of the pages are valid; pages, lines and sentences are short and use plain words.
 
 use super::words::avoided;
 use super::{page, root};
@@ -32,7 +31,7 @@ fn below(folder: &str) -> Vec<String> {
     found
 }
 
-/// Pages that people write: the entrances, and `docs/` without the generated reference.
+/// Hand-written pages: the entrances, and `docs/` without the generated reference.
 fn written() -> Vec<String> {
     let docs = below("docs").into_iter();
     let docs = docs.filter(|page| !page.starts_with("docs/reference/"));
@@ -64,8 +63,8 @@ fn is_item(line: &str) -> bool {
     line.starts_with("- ") || (number.len() < line.len() && number.starts_with(". "))
 }
 
-/// The paragraphs and items of a page, each with the number of its first line. Code, tables and
-/// headings are left out.
+/// The paragraphs and items of a page, each with the number of its first line, without code, tables
+/// and headings.
 fn paragraphs(text: &str) -> Vec<(usize, String)> {
     let mut all: Vec<(usize, String)> = Vec::new();
     let mut is_open = false;
@@ -84,7 +83,7 @@ fn paragraphs(text: &str) -> Vec<(usize, String)> {
     all
 }
 
-/// A paragraph as it is read: of links their text, and one word for each span of code.
+/// A paragraph with links replaced by their text and spans of code by one word.
 fn spoken(paragraph: &str) -> String {
     let mut text = String::new();
     for (at, part) in paragraph.split('`').enumerate() {
@@ -97,7 +96,7 @@ fn spoken(paragraph: &str) -> String {
     text
 }
 
-/// The sentences of a text: each ends with a mark before a blank.
+/// The sentences of a text: each ends with a punctuation mark before a blank.
 fn sentences(text: &str) -> Vec<String> {
     let mut all = vec![String::new()];
     for word in text.split_whitespace() {
@@ -117,8 +116,8 @@ fn the_entrances_and_pages_are_short() {
     for path in written() {
         let size = page(&path).len();
         let is_entrance = !path.starts_with("docs/");
-        let most = if is_entrance { MAX_ENTRANCE } else { MAX_PAGE };
-        assert!(size <= most, "{path}: {size} bytes, of at most {most}");
+        let max = if is_entrance { MAX_ENTRANCE } else { MAX_PAGE };
+        assert!(size <= max, "{path}: {size} bytes, of at most {max}");
     }
 }
 
@@ -156,7 +155,7 @@ fn sentences_have_at_most_35_words() {
 #[test]
 fn pages_use_plain_words() {
     let mut found = Vec::new();
-    // That page names them to replace them.
+    // This page lists the words that are to be replaced.
     for path in written()
         .iter()
         .filter(|path| !path.ends_with("/names-to-change.md"))
@@ -176,7 +175,7 @@ fn pages_use_plain_words() {
 }
 
 #[test]
-fn sentences_and_code_are_told_apart() {
+fn sentences_and_code_are_distinguished() {
     let text = "# Head line.\n\nOne `a. b` [two\nthree](x.md). Four!\n\n    code. code\n\n- five\n";
     let read: Vec<String> = paragraphs(text)
         .iter()
@@ -186,7 +185,7 @@ fn sentences_and_code_are_told_apart() {
     assert_eq!(read, ["One code [two three. ", "Four! ", "- five "]);
 }
 
-/// The name by which a link finds a heading, as GitHub and mdBook make it.
+/// The anchor of a heading, as in GitHub and mdBook.
 fn anchor(heading: &str) -> String {
     let text = heading.to_lowercase();
     let text = text
@@ -214,7 +213,7 @@ fn targets(text: &str) -> Vec<String> {
     targets.collect()
 }
 
-/// What is wrong with a link from a page, if anything. `known` has the anchors of files so far.
+/// The fault of a link from a page, if any. `known` caches the anchors of files.
 fn fault(path: &str, target: &str, known: &mut BTreeMap<PathBuf, Vec<String>>) -> Option<String> {
     let here = root().join(path);
     let (file, heading) = target.split_once('#').unwrap_or((target, ""));

@@ -1,5 +1,5 @@
-//! The generated reference lists what the program really reads and writes: the keys that its
-//! readers know, and the fields of the labels that it makes.
+//! The generated reference agrees with the program: the keys of its readers, and the fields of
+//! its labels.
 
 use super::fixtures::{self, Frames, scene};
 use super::{Names, all_keys, first_column, known, page};
@@ -7,7 +7,7 @@ use skyloop::camera::{Camera, Flux, Radiation};
 use skyloop::config::Config;
 use skyloop::load::Folder;
 
-/// Asserts that a page has each of these names as code, alone or behind the name of its table.
+/// Asserts that a page has each of these names as code, alone or after the name of its table.
 fn lists(path: &str, names: &Names) {
     let text = page(path);
     let missing: Vec<&String> = names
@@ -22,7 +22,7 @@ fn lists(path: &str, names: &Names) {
     assert!(missing.is_empty(), "{path} lacks {missing:?}");
 }
 
-/// The fields of the labels of some frames that have everything.
+/// The fields of the labels of frames with all kinds of content.
 fn label_fields() -> Names {
     let first = |config: Config| Frames::of(config).expose(0);
     let mut label = first(Config::builtin().unwrap()).label;
@@ -31,7 +31,7 @@ fn label_fields() -> Names {
     label.unseen_counts.insert("too faint", 2);
     label.unseen_left_out = Some(1);
     label.overrun = Some("late");
-    // A detector with defects, and more particles than are drawn.
+    // A detector with defects, and more particles than the limit.
     let mut flawed = Config::builtin().unwrap();
     flawed.camera = fixtures::camera("cmos-rolling");
     flawed.camera.radiation = Some(Radiation {
@@ -58,16 +58,16 @@ fn label_fields() -> Names {
     for object in of_frame.iter().chain(objects.into_iter().flatten()) {
         fields.extend(object.as_object().unwrap().keys().cloned());
     }
-    // The frame holds stars and satellites, seen ones and (too faint) unseen ones.
+    // The frame has stars and satellites, both visible and too faint.
     assert!(fields.contains("range_km") && fields.contains("reason"));
-    // The server writes the first (`tests/wire/live`), files the second (`tests/render/output`), and frames
-    // without objects the third (`tests/render/area`).
+    // The server adds the first (tested in `tests/wire/live`), files the second
+    // (`tests/render/output`), frames without objects the third (`tests/render/area`).
     fields.extend(["timing", "files", "no_objects"].map(str::to_string));
     fields
 }
 
 #[test]
-fn the_reference_lists_the_labels_fields_and_their_page_has_no_other() {
+fn the_reference_lists_exactly_the_fields_of_labels() {
     let fields = label_fields();
     lists("docs/reference/labels.md", &fields);
     let explained = first_column(&page("docs/explanation/labels.md"));

@@ -3,7 +3,7 @@
 use super::page::{code, head, prose, row, wrapped};
 use std::process::Command;
 
-/// What the help of a command says.
+/// The help of a command.
 #[derive(Default)]
 struct Help {
     about: String,
@@ -82,7 +82,7 @@ fn help(path: &str, words: &[&str]) -> Help {
             help.add(part, line);
         }
     }
-    // What both have, as each subcommand has them.
+    // Options of both, as every subcommand has them.
     help.options
         .retain(|one| !["-h, --help", "-V, --version"].contains(&one.name.as_str()));
     help
@@ -96,7 +96,7 @@ impl Help {
             "Commands" => &mut self.commands,
             _ => &mut self.options,
         };
-        // Texts stand beside names, or further in on lines of their own.
+        // Texts are on the line of the name, or indented on lines of their own.
         let is_name = line.len() - line.trim_start().len() < 10;
         let line = line.trim();
         if line.is_empty() {
@@ -122,7 +122,7 @@ impl Help {
 }
 
 impl Entry {
-    /// The row of an option: its default and its possible values stand in brackets behind its text.
+    /// The row of an option. Its default and possible values are in brackets after the help text.
     fn row(&self) -> String {
         let mut text = self.text.trim_end_matches(';').to_string();
         let default = take(&mut text, "[default: ").unwrap_or_default();
@@ -138,7 +138,7 @@ impl Entry {
     }
 }
 
-/// Takes the part in brackets that begins so out of a text.
+/// Removes the part in brackets that starts with `begin` from a text and returns it.
 fn take(text: &mut String, begin: &str) -> Option<String> {
     let (before, rest) = text.split_once(begin)?;
     let (part, after) = rest.split_once(']')?;

@@ -11,7 +11,7 @@ use std::time::Duration;
 /// The description of the packets, which has the counters.
 const PACKETS: &str = include_str!("../../protocols/schema/packets.toml");
 
-/// Everything that a run can have: several cameras, several links, a frame, and all counters.
+/// The page of a run with several cameras, several links, a frame, and all counters.
 fn served(counters: Vec<(&'static str, u32)>) -> String {
     let mut latencies = Latencies::default();
     latencies.add(&FrameTimes {
@@ -19,8 +19,8 @@ fn served(counters: Vec<(&'static str, u32)>) -> String {
         attitude_age_s: 0.0,
         first_pixel: Duration::ZERO,
         last_pixel: Duration::ZERO,
-        first_byte: Duration::ZERO,
-        last_byte: Duration::ZERO,
+        first_octet: Duration::ZERO,
+        last_octet: Duration::ZERO,
         spare_s: 0.0,
         whole: true,
     });
@@ -71,7 +71,7 @@ pub fn metric_table(packets: &toml::Table) -> String {
     let page = served(counters.collect());
     let lines = page.lines().filter_map(|line| line.strip_prefix("# "));
     let lines: Vec<&str> = lines.collect();
-    // Those of the counters have a table of their own.
+    // Counters have a table of their own.
     let metrics = lines
         .chunks(2)
         .filter(|pair| !pair[0].contains(" The counter "));

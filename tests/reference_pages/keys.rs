@@ -3,17 +3,17 @@
 use super::page::{code, head, prose, row, wrapped};
 use serde_json::Value;
 
-/// A schema and what its tables show beside it.
+/// A schema, and options of its tables.
 pub struct Keys {
     pub schema: Value,
-    /// Values of keys whose defaults the schema does not have.
+    /// Default values that the schema lacks.
     pub defaults: toml::Table,
-    /// Whether the program writes the values: then keys are present, and none has a default.
+    /// Whether the program writes the values: then keys have no default.
     pub is_output: bool,
 }
 
 impl Keys {
-    /// A section for each table, from the root on, which has this heading.
+    /// A section for each table. `title` is the heading of the root table.
     pub fn sections(&self, title: &str) -> String {
         let mut text = String::new();
         let mut open = vec![(String::new(), &self.schema)];
@@ -37,7 +37,7 @@ impl Keys {
         }
     }
 
-    /// The section of one table; it adds the tables in this one to `inner`.
+    /// The section of one table; adds its nested tables to `inner`.
     fn section<'t>(&'t self, place: &str, table: &'t Value, inner: &mut Tables<'t>) -> String {
         let mut text = String::new();
         if let Some(about) = table["description"].as_str().filter(|_| !place.is_empty()) {
@@ -66,7 +66,7 @@ impl Keys {
         format!("{text}{between}{}\n", rules.concat())
     }
 
-    /// The value of a key that is left out.
+    /// The default value of a key.
     fn default(&self, path: &str, value: &Value) -> Option<String> {
         if let Some(default) = value.get("default").filter(|default| !default.is_null()) {
             return Some(code(&default.to_string()));
@@ -79,7 +79,7 @@ impl Keys {
         (!found.is_table()).then(|| code(&found.to_string()))
     }
 
-    /// What a value may be. `around` is the schema that refers to this one and may limit it.
+    /// The allowed values. `around` is the schema that refers to this one and may limit it.
     fn allowed<'t>(
         &'t self,
         node: &'t Value,
@@ -134,7 +134,7 @@ impl Keys {
         text + if is_null { " or null" } else { "" }
     }
 
-    /// What a value of one of the simple types may be. Values that the program writes have no limits.
+    /// The allowed values of a simple type. Values that the program writes have no limits.
     fn scalar(&self, node: &Value, around: &Value, kind: &str) -> String {
         let limit = |name: &str| {
             let limit = node.get(name).or(around.get(name)).and_then(Value::as_f64);
@@ -152,7 +152,7 @@ impl Keys {
         }
     }
 
-    /// What a list may hold.
+    /// The allowed items of a list.
     fn list<'t>(&'t self, node: &'t Value, path: &str, inner: &mut Tables<'t>) -> String {
         if let Some(places) = node["prefixItems"].as_array() {
             let places = places
@@ -170,18 +170,18 @@ impl Keys {
             None => item,
         };
         match (node["minItems"].as_u64(), node["maxItems"].as_u64()) {
-            (Some(least), Some(most)) if least == most => format!("list of {least} {items}"),
-            (Some(least), Some(most)) => format!("list of {least} to {most} {items}"),
-            (Some(least), None) => format!("list of {least} or more {items}"),
+            (Some(min), Some(max)) if min == max => format!("list of {min} {items}"),
+            (Some(min), Some(max)) => format!("list of {min} to {max} {items}"),
+            (Some(min), None) => format!("list of {min} or more {items}"),
             _ => format!("list of {items}"),
         }
     }
 }
 
-/// Tables that are to be written, and where they stand, such as `optics.psf`.
+/// Pending tables with their paths, such as `optics.psf`.
 type Tables<'t> = Vec<(String, &'t Value)>;
 
-/// A description without links of Rust.
+/// A description without rustdoc links.
 fn meaning(text: &str) -> String {
     prose(&text.replace("[`", "`").replace("`]", "`"))
 }
@@ -214,17 +214,17 @@ fn either(mut choices: Vec<String>) -> String {
     }
 }
 
-/// A range of numbers; the ends of 32 and 64 bits are no limits.
-fn range(least: Option<f64>, most: Option<f64>) -> String {
+/// A range of numbers; the maxima of 32 and 64 bits are no limits.
+fn range(min: Option<f64>, max: Option<f64>) -> String {
     let number = |value: f64| match value.abs() {
         0.0 => "0".to_string(),
         1e-3..1e6 => value.to_string(),
         _ => format!("{value:e}"),
     };
-    let most = most.filter(|most| ![u64::MAX as f64, f64::from(u32::MAX)].contains(most));
-    match (least, most) {
-        (Some(least), Some(most)) => format!(", {} to {}", number(least), number(most)),
-        (Some(least), None) => format!(", {} or more", number(least)),
+    let max = max.filter(|max| ![u64::MAX as f64, f64::from(u32::MAX)].contains(max));
+    match (min, max) {
+        (Some(min), Some(max)) => format!(", {} to {}", number(min), number(max)),
+        (Some(min), None) => format!(", {} or more", number(min)),
         _ => String::new(),
     }
 }

@@ -1,4 +1,4 @@
-//! The pages of `docs/reference/` say what the program does. After a change of options, keys,
+//! The pages of `docs/reference/` are up to date. To renew them after a change of options, keys,
 //! labels, metrics or their texts: `SKYLOOP_WRITE_DOCS=1 cargo test --test reference_pages`.
 
 mod commands;

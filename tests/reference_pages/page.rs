@@ -1,11 +1,11 @@
-//! Generated parts of the pages in `docs/reference/`: compared with what the program says, or
-//! written anew with `SKYLOOP_WRITE_DOCS=1`.
+//! Generated parts of the pages in `docs/reference/`: compared with the texts of the program, or
+//! renewed with `SKYLOOP_WRITE_DOCS=1`.
 
 use std::fmt::Display;
 use std::path::Path;
 
-/// Checks a part of a page, which stands between the comments `begin PART` and `end PART`.
-/// `test` is the test binary that makes it.
+/// Checks a part of a page, between the comments `begin PART` and `end PART`. `test` is the test
+/// binary that generates it.
 pub fn check(page: &str, part: &str, text: &str, test: &str) {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let folder = root.ancestors().map(|root| root.join("docs/reference"));
@@ -56,7 +56,7 @@ pub fn head<S: Display>(cells: &[S]) -> String {
     row(cells) + &format!("|{}\n", "---|".repeat(cells.len()))
 }
 
-/// Text in a cell of a table: signs that Markdown would take as its own are escaped.
+/// Text in a cell of a table, with the special characters of Markdown escaped.
 pub fn prose(text: &str) -> String {
     let words: Vec<&str> = text.split_whitespace().collect();
     let text = words.join(" ");

@@ -1,4 +1,4 @@
-//! A flight computer written by hand against the ICD.
+//! A hand-written flight computer, by the ICD.
 
 use super::line::Line;
 use super::{EPOCH, TIMEOUT, attitude, await_that};
@@ -17,16 +17,16 @@ pub struct Client<L> {
     /// Sequence counts of the next packets.
     pub counts: SequenceCounts,
     gaps: GapDetector,
-    /// Frame packets that it takes at once; none: it never grants credit of its own accord.
+    /// Size of the credit window in frame packets; none: credit is never granted automatically.
     pub window: Option<u32>,
     granted: bool,
-    /// Frame packets taken in this exchange.
+    /// Frame packets received in this exchange.
     pub taken: u32,
-    /// Packets that came while another was waited for.
+    /// Packets received while another kind was awaited.
     early: VecDeque<Vec<u8>>,
 }
 
-/// A frame, put together.
+/// A reassembled frame.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Received {
     pub time: WireTime,
@@ -34,12 +34,12 @@ pub struct Received {
     pub end: FrameEnd,
     pub pixels: Vec<u16>,
     pub labels: String,
-    /// Packets that it came in.
+    /// Number of its packets.
     pub packets: u32,
 }
 
 impl Received {
-    /// The labels, parsed.
+    /// The parsed labels.
     pub fn label(&self) -> serde_json::Value {
         serde_json::from_str(&self.labels).expect("labels are JSON")
     }
@@ -54,7 +54,7 @@ pub struct Refused {
     pub detail: String,
 }
 
-/// A packet's bytes.
+/// The packet of a command.
 pub fn packet(command: &Command, count: u16, time: WireTime) -> Vec<u8> {
     let mut buffer = [0; MAX_PACKET];
     let length = command.encode(count, time, &mut buffer).unwrap();
@@ -74,18 +74,18 @@ impl<L: Line> Client<L> {
         }
     }
 
-    /// The next packet of this command, not sent yet, and its sequence count.
+    /// The next packet of this command, not yet sent, and its sequence count.
     pub fn prepare(&mut self, command: &Command, time: WireTime) -> (Vec<u8>, u16) {
         let count = self.counts.next(command.apid());
         (packet(command, count, time), count)
     }
 
-    /// Sends a command; its sequence count.
+    /// Sends a command and returns its sequence count.
     pub fn send(&mut self, command: Command) -> u16 {
         self.send_at(command, EPOCH)
     }
 
-    /// Sends an attitude that holds at `time`.
+    /// Sends an attitude of `time`.
     pub fn point(&mut self, attitude: Attitude, time: WireTime) -> u16 {
         if let (Some(window), false) = (self.window, self.granted) {
             self.granted = true;
@@ -116,27 +116,23 @@ impl<L: Line> Client<L> {
             }
         }
         let missing = self.gaps.missing(header.apid, header.sequence_count);
-        assert_eq!(
-            missing, 0,
-            "packets of {:#05x} lost on the way",
-            header.apid
-        );
+        assert_eq!(missing, 0, "packets of {:#05x} lost", header.apid);
         Some(packet)
     }
 
-    /// The next packet that is an answer (`frame` false) or part of a frame (`frame` true); others are kept.
+    /// The next packet of a frame (`frame` true), or the next other packet. Stores the rest.
     pub fn next(&mut self, frame: bool) -> Vec<u8> {
         let wanted = |packet: &[u8]| {
             Reply::decode(packet).is_ok_and(|(_, reply)| reply.takes_credit() == frame)
         };
-        if let Some(place) = self.early.iter().position(|packet| wanted(packet)) {
-            return self.early.remove(place).unwrap();
+        if let Some(index) = self.early.iter().position(|packet| wanted(packet)) {
+            return self.early.remove(index).unwrap();
         }
         let started = Instant::now();
         loop {
             let left = TIMEOUT.saturating_sub(started.elapsed());
-            let packet = self.recv(left).expect("the packet comes");
-            assert!(!left.is_zero(), "only other packets come");
+            let packet = self.recv(left).expect("a packet in time");
+            assert!(!left.is_zero(), "only other packets arrive");
             if wanted(&packet) {
                 return packet;
             }
@@ -144,22 +140,22 @@ impl<L: Line> Client<L> {
         }
     }
 
-    /// Gives a packet back, to be the next one.
+    /// Makes a received packet the next one again.
     pub fn put_back(&mut self, packet: Vec<u8>) {
         self.early.push_front(packet);
     }
 
-    /// Whether nothing has come but what was asked for.
+    /// Whether no unexpected packet has arrived.
     pub fn has_nothing_left(&mut self) -> bool {
         self.early.is_empty() && self.recv(Duration::from_millis(5)).is_none()
     }
 
-    /// Forgets the frame packets that have come.
+    /// Drops the stored packets.
     pub fn forget(&mut self) {
         self.early.clear();
     }
 
-    /// Takes what is still on its way, and starts as in a new exchange.
+    /// Drops all packets in flight and starts as in a new exchange.
     pub fn start_anew(&mut self) {
         self.window = None;
         while self.recv(Duration::from_millis(50)).is_some() {}
@@ -167,7 +163,7 @@ impl<L: Line> Client<L> {
         self.early.clear();
     }
 
-    /// Sends `command` and takes its Ack.
+    /// Sends `command` and receives its Ack.
     pub fn done(&mut self, command: Command) {
         let count = self.send(command);
         let packet = self.next(false);
@@ -190,9 +186,9 @@ impl<L: Line> Client<L> {
         }
     }
 
-    /// The refusals of all that was sent, on a line that loses nothing; all else is kept.
+    /// The refusals of all sent packets, on a line without losses. Stores the other packets.
     pub fn refusals(&mut self) -> Vec<Reason> {
-        // They come before the answers to a Ping that is sent after it: its Ack, and a Status.
+        // Refusals arrive before the answers to a later Ping: its Ack, and a Status.
         let ping = self.send(Command::Ping);
         let mut is_answered = false;
         loop {
@@ -228,7 +224,7 @@ impl<L: Line> Client<L> {
         }
     }
 
-    /// The next answer refuses for this reason, with these words in its text.
+    /// Asserts that the next answer refuses for this reason, with these words in its text.
     #[track_caller]
     pub fn refused(&mut self, reason: Reason, words: &[&str]) -> Refused {
         let nack = self.nack();
@@ -244,13 +240,13 @@ impl<L: Line> Client<L> {
         self.status().counters
     }
 
-    /// The emulator's counters of these names have these values.
+    /// Asserts that the emulator's counters have these values.
     #[track_caller]
     pub fn has_counted(&mut self, expected: &[(&str, u32)]) {
         counted(&self.counters(), expected);
     }
 
-    /// Pings until the emulator answers: before, another client may have had the exchange.
+    /// Pings until the emulator answers: at first another client may hold the exchange.
     pub fn await_answer(&mut self) {
         await_that("this client is answered", || {
             self.send(Command::Ping);
@@ -258,25 +254,25 @@ impl<L: Line> Client<L> {
         });
     }
 
-    /// Grants no credit of its own accord.
+    /// Stops the automatic grants of credit.
     pub fn unpaced(mut self) -> Client<L> {
         self.window = None;
         self
     }
 
-    /// Sends a command at `time` as a packet of its own, without Credit before it.
+    /// Sends a command at `time`, without a Credit before it.
     pub fn send_alone(&mut self, command: &Command, time: WireTime) -> u16 {
         let (packet, count) = self.prepare(command, time);
         self.line.send(&packet);
         count
     }
 
-    /// The next whole frame. Its packets come in order, hold together and fit their CRC-32.
+    /// The next whole frame. Checks the order and consistency of its packets and the CRC-32.
     pub fn frame(&mut self) -> Received {
         self.frame_granting(|_, _| {})
     }
 
-    /// The next whole frame; `grant` sees the number of its packets after each of them.
+    /// The next whole frame; `grant` gets the number of received packets after each of them.
     pub fn frame_granting(&mut self, mut grant: impl FnMut(&mut Self, u32)) -> Received {
         let packet = self.next(true);
         let (Header { time, .. }, reply) = Reply::decode(&packet).unwrap();
@@ -329,7 +325,7 @@ impl<L: Line> Client<L> {
         }
     }
 
-    /// The next packet, which closes this frame.
+    /// The next packet, which is the end of this frame.
     fn end_of(&mut self, header: &FrameHeader) -> FrameEnd {
         let packet = self.next(true);
         let (_, Reply::FrameEnd(end)) = Reply::decode(&packet).unwrap() else {
@@ -339,7 +335,7 @@ impl<L: Line> Client<L> {
         end
     }
 
-    /// The next frame of any level: its header, its packets with pixels and labels as they came, and its end.
+    /// The next frame of any level: header, raw packets with pixels and labels, end.
     pub fn parcel(&mut self) -> (FrameHeader, Vec<Vec<u8>>, FrameEnd) {
         let first = self.next(true);
         let (_, Reply::FrameHeader(header)) = Reply::decode(&first).unwrap() else {
@@ -350,7 +346,7 @@ impl<L: Line> Client<L> {
         (header, packets, self.end_of(&header))
     }
 
-    /// A frame of the usual attitude, in stepped mode.
+    /// A frame of the default attitude, in stepped mode.
     pub fn good_frame(&mut self, sequence: u32) -> Received {
         self.point(attitude(sequence), EPOCH);
         let frame = self.frame();
@@ -359,7 +355,8 @@ impl<L: Line> Client<L> {
     }
 }
 
-/// The counters that differ, and by how much; `commands` left out, since Ping and Credit move it too.
+/// The counters that differ, with their differences; without `commands`, which also counts Ping and
+/// Credit.
 pub fn moved(before: &Counters, after: &Counters) -> Vec<(&'static str, u32)> {
     before
         .iter()
@@ -369,7 +366,7 @@ pub fn moved(before: &Counters, after: &Counters) -> Vec<(&'static str, u32)> {
         .collect()
 }
 
-/// Counters of these names have these values.
+/// Asserts that counters have these values.
 #[track_caller]
 pub fn counted(counters: &Counters, expected: &[(&str, u32)]) {
     let value = |name: &str| counters.iter().find(|(found, _)| *found == name);

@@ -1,4 +1,4 @@
-//! The Earth at one time, and axes to place things around it.
+//! The Earth at one time, and axes to place objects around it.
 
 use std::str::FromStr;
 

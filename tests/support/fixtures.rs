@@ -17,7 +17,7 @@ pub fn camera(name: &str) -> Camera {
     Camera::load(name, &Folder::current()).unwrap()
 }
 
-/// The middle of a camera's detector, so many pixels square.
+/// The centre of a camera's detector, `side` pixels square.
 pub fn cropped(mut camera: Camera, side: usize) -> Camera {
     (camera.detector.width, camera.detector.height) = (side, side);
     camera.optics.principal_px = [(side as f64 - 1.0) / 2.0; 2];
@@ -30,7 +30,7 @@ pub fn scene(name: &str) -> Config {
     Config::load(&scenes.join(name)).unwrap()
 }
 
-/// The names of the effects that are light, but for stars and objects in orbit.
+/// The effects that add light, except stars and objects in orbit.
 const DARK_SKY: [&str; 9] = [
     "zodiacal light",
     "starlight",
@@ -43,7 +43,7 @@ const DARK_SKY: [&str; 9] = [
     "earthshine",
 ];
 
-/// A configuration of a dark sky with bright stars, whose labels list everything.
+/// A configuration of a dark sky with bright stars and labels of all objects.
 pub fn dark(mut config: Config) -> Config {
     config.sky.selection = Selection::Bsc;
     config.label_snr = 0.0;
@@ -51,7 +51,7 @@ pub fn dark(mut config: Config) -> Config {
     config
 }
 
-/// An emulator without noise that keeps the expected electrons.
+/// An emulator without noise that stores the expected electrons.
 pub fn noise_free(mut config: Config) -> Emulator {
     let mut emulator = Emulator::new(&mut config);
     emulator.choice.noise = false;
@@ -101,7 +101,7 @@ pub fn look_at(direction: Vector3<f64>, roll: f64) -> [f64; 4] {
     [q.i, q.j, q.k, q.w]
 }
 
-/// An attitude that looks along `direction`.
+/// An attitude with the boresight along `direction`.
 pub fn towards(direction: &Vector3<f64>) -> [f64; 4] {
     let turn = UnitQuaternion::rotation_between(direction, &Vector3::z()).unwrap();
     [turn.i, turn.j, turn.k, turn.w]

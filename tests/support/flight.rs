@@ -1,4 +1,5 @@
-//! A minute of attitudes at 10 Hz: flown over a link, and compared with the same minute over another.
+//! A minute of attitudes at 10 Hz over a link, and the comparison with the same minute over another
+//! link.
 #![allow(dead_code, reason = "each test program uses its own part of this")]
 
 use hifitime::Epoch;
@@ -20,12 +21,12 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
-/// What is flown: the sky of the built-in scene from CASSIOPE, slowly turning, at 10 Hz.
+/// The flown sequence: the sky of the built-in scene from CASSIOPE, slowly turning, at 10 Hz.
 #[derive(Clone, Copy)]
 pub struct Course {
-    /// How many attitudes.
+    /// Number of attitudes.
     pub frames: u32,
-    /// Columns and rows in the middle of the detector.
+    /// Columns and rows of the centre of the detector.
     pub side: usize,
 }
 
@@ -58,7 +59,7 @@ fn config(course: Course) -> Config {
     config
 }
 
-/// What came of one attitude.
+/// The frame of one attitude.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Delivered {
     pub pixels_crc32: u32,
@@ -68,17 +69,17 @@ pub struct Delivered {
     pub text: String,
 }
 
-/// What came of a run.
+/// The result of a run.
 pub struct Flight {
     pub report: Report,
-    /// By the attitude's number.
+    /// Frames by the number of their attitude.
     pub frames: BTreeMap<u32, Delivered>,
     pub counters: Counters,
-    /// From the first frame to the last.
+    /// Time from the first frame to the last.
     pub took: Duration,
-    /// From one frame to the next, at least: the exposure is made and sent in this time.
+    /// Shortest time from one frame to the next, for rendering and transmission.
     pub shortest: Duration,
-    /// How long the link says that packets take.
+    /// The link's airtime of packets.
     pub airtime: Option<Airtime>,
 }
 
@@ -92,7 +93,7 @@ fn both_ends(link: &str, plan: &str) -> BothEnds {
     (wire, port)
 }
 
-/// What a link is told; on a bus with these faults, told in the book.
+/// The options of a link; on a bus, with these faults, which are recorded in the book.
 pub fn options(faults: Option<(Plan, Arc<Mutex<Book>>)>) -> Options {
     Options {
         idle: Duration::from_secs(5),
@@ -107,12 +108,12 @@ pub fn options(faults: Option<(Plan, Arc<Mutex<Book>>)>) -> Options {
     }
 }
 
-/// Flies over `loopback`'s link `link`, under the faults of `plan`.
+/// Flies over the loopback link `link` with the faults of `plan`.
 pub fn fly(course: Course, link: &str, level: &str, plan: &str) -> Flight {
     fly_between(course, link, both_ends(link, plan), level, |_| {})
 }
 
-/// Flies between two ends; `seen` learns the number of each attitude whose frame has come.
+/// Flies between two ends; `seen` gets the number of each attitude whose frame has arrived.
 pub fn fly_between(
     course: Course,
     link: &str,
@@ -175,15 +176,17 @@ pub fn fly_between(
 }
 
 impl Flight {
-    /// How long the link says that a frame of 20 windows and 12 objects takes.
-    // X-Val: packets of a header, four times five windows, and the objects: 90, 1260 and 673 bytes (src/live/serve/budget.rs).
+    /// The link's airtime of a frame of 20 windows and 12 objects.
+    // X-Val: packets of a header, four times five windows, and the objects: 90, 1260 and 673 bytes
+    // (src/live/serve/budget.rs).
     pub fn windows_airtime(&self) -> Duration {
         let airtime = self.airtime.as_ref().unwrap();
         airtime(90) + 4 * airtime(1260) + airtime(673)
     }
 }
 
-/// Every attitude has its frame or is counted as lost, and every frame is the reference's.
+/// Asserts that every attitude has its frame or is counted as lost, and that every frame equals the
+/// reference.
 pub fn compare(flight: &Flight, reference: &Flight) {
     let report = &flight.report;
     assert_eq!(
@@ -194,12 +197,13 @@ pub fn compare(flight: &Flight, reference: &Flight) {
     for (sequence, frame) in &flight.frames {
         assert!(
             *frame == reference.frames[sequence],
-            "the frame of attitude {sequence} is another"
+            "the frame of attitude {sequence} differs"
         );
     }
 }
 
-/// The label's frame number is that of the frame, not of the attitude: after an attitude that came twice they differ.
+/// Removes the frame numbers from the labels: after a repeated attitude they differ from its
+/// number.
 pub fn without_number(mut flight: Flight) -> Flight {
     for frame in flight.frames.values_mut() {
         if let Some((_, rest)) = frame.text.split_once(",\"seed\":") {

@@ -10,9 +10,9 @@ use std::time::{Duration, Instant};
 
 /// A client's end.
 pub trait Line {
-    /// Sends one packet, or what pretends to be one.
+    /// Sends one packet, which may be invalid.
     fn send(&mut self, packet: &[u8]);
-    /// The next packet, or none within `timeout`.
+    /// The next packet, or `None` after `timeout`.
     fn recv(&mut self, timeout: Duration) -> Option<Vec<u8>>;
 }
 
@@ -30,7 +30,7 @@ impl<L: Line + ?Sized> Line for Box<L> {
 pub struct UdpLine(pub UdpSocket);
 
 impl UdpLine {
-    /// A socket that speaks with `udp://ADDRESS:PORT`.
+    /// A socket connected to `udp://ADDRESS:PORT`.
     pub fn to(address: &str) -> UdpLine {
         let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
         socket
@@ -57,12 +57,12 @@ impl Line for UdpLine {
         let mut buffer = [0; 2048];
         loop {
             match self.0.recv(&mut buffer) {
-                // ICD, section 5.1: the client returns a Challenge as it came.
+                // ICD, section 5.1: the client returns a Challenge unchanged.
                 Ok(length) if is_challenge(&buffer[..length]) => {
                     let _ = self.0.send(&buffer[..length]);
                 }
                 Ok(length) => return Some(buffer[..length].to_vec()),
-                // Our last Credit found the emulator gone; what it had sent is still here.
+                // The emulator had closed when a Credit arrived; received packets are still queued.
                 Err(error) if error.kind() == ErrorKind::ConnectionRefused => {}
                 Err(_) => return None,
             }
@@ -91,14 +91,14 @@ impl Line for MemoryLine {
 /// The near end of a pseudo-terminal, in SLIP.
 pub struct PtyLine {
     near: TTYPort,
-    /// Keeps the far end's device alive while the emulator opens it by its path.
+    /// Holds the far end's device open until the emulator opens it by its path.
     _far: Option<TTYPort>,
     decoder: slip::Decoder<{ slip::BUFFER }>,
     packets: VecDeque<Vec<u8>>,
 }
 
-/// Opens a serial port. One that was open in this process shortly before may still be locked: a child process that another test starts at that moment holds
-/// it until it runs its program.
+/// Opens a serial port. A port that was open in this process shortly before may still be locked: a
+/// child process of another test inherits it and holds it until it runs its program.
 pub fn open_port(name: &str, baud: u32) -> TTYPort {
     let deadline = Instant::now() + Duration::from_secs(2);
     loop {
@@ -114,7 +114,7 @@ pub fn open_port(name: &str, baud: u32) -> TTYPort {
 }
 
 impl PtyLine {
-    /// With the path of the far end.
+    /// A pseudo-terminal, and the path of its far end.
     pub fn new() -> (PtyLine, String) {
         let (near, far) = TTYPort::pair().unwrap();
         let device = far.name().unwrap();
@@ -140,7 +140,7 @@ impl PtyLine {
         }
     }
 
-    /// Sends bytes as they are.
+    /// Sends bytes without SLIP.
     pub fn raw(&mut self, bytes: &[u8]) {
         self.near.write_all(bytes).unwrap();
     }

@@ -1,4 +1,4 @@
-//! A real emulator in a thread, and a client that knows nothing but `skyloop-protocols`.
+//! A real emulator in a thread, and a client that uses only `skyloop-protocols`.
 #![allow(dead_code, reason = "each test program uses its own part of this")]
 
 pub mod client;
@@ -25,7 +25,7 @@ use std::sync::mpsc::{Receiver, channel};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-/// Longest wait for anything; nothing should come near it.
+/// Longest wait of a test, with a wide margin.
 pub const TIMEOUT: Duration = Duration::from_secs(20);
 
 /// 2019-06-15T23:35:50 UTC, the first epoch of the built-in scene.
@@ -83,17 +83,17 @@ pub struct Running {
 }
 
 impl Running {
-    /// Puts the emulator that `config` describes at `wire`.
+    /// Runs the emulator of `config` on a link.
     pub fn start(config: Config, clock: Clock, wire: Wire) -> Running {
         Running::at(config, clock, vec![(wire, Roles::ALL)])
     }
 
-    /// Puts the emulator that `config` describes at `links`.
+    /// Runs the emulator of `config` on several links.
     pub fn at(config: Config, clock: Clock, links: Vec<(Wire, Roles)>) -> Running {
         Running::prepared(config, clock, links, |_| {})
     }
 
-    /// Likewise; `prepare` sees the server before it serves.
+    /// Likewise; `prepare` configures the server before it runs.
     pub fn prepared(
         config: Config,
         clock: Clock,
@@ -103,7 +103,7 @@ impl Running {
         Running::speaking(&NATIVE, config, clock, links, prepare)
     }
 
-    /// Likewise, in a wire language.
+    /// Likewise, with a wire format.
     pub fn speaking(
         personality: &'static Personality,
         mut config: Config,
@@ -122,17 +122,17 @@ impl Running {
             server.set_run(&config.run);
             prepare(&mut server);
             let _ = ready.send(());
-            // A client may have hung up before it is told to end.
+            // The client may disconnect before the run ends.
             let ended = server.run(&stopped, None, |exposed| {
                 let _ = to_test.send(exposed.clone());
             });
             assert_ne!(ended, Ended::Panicked);
             server
         });
-        // What a test waits for is not the catalogue of stars.
+        // Loading the star catalogue must not count for the time-outs of tests.
         is_ready
             .recv_timeout(TIMEOUT)
-            .expect("the emulator is there");
+            .expect("the emulator is ready");
         Running {
             shots,
             stop,
@@ -140,18 +140,18 @@ impl Running {
         }
     }
 
-    /// Ends the run as `skyloop run` does; its counters.
+    /// Ends the run as `skyloop run` does and returns its counters.
     pub fn end(self) -> Counters {
         self.measured().1
     }
 
-    /// Ends the run likewise; its counters of these names have these values.
+    /// Ends the run and asserts that its counters have these values.
     #[track_caller]
     pub fn ends_with(self, expected: &[(&str, u32)]) {
         client::counted(&self.end(), expected);
     }
 
-    /// Ends the run likewise; what it measured too.
+    /// Ends the run and returns its statistics and counters.
     pub fn measured(mut self) -> (RunStats, Counters) {
         self.stop.store(true, Ordering::Relaxed);
         let server = self.thread.take().unwrap().join().expect("no panic");
@@ -160,14 +160,12 @@ impl Running {
 
     /// The next frame that was delivered or abandoned.
     pub fn exposed(&self) -> ExposedFrame {
-        self.shots
-            .recv_timeout(TIMEOUT)
-            .expect("the emulator makes the frame")
+        self.shots.recv_timeout(TIMEOUT).expect("a frame in time")
     }
 }
 
 impl Drop for Running {
-    /// The emulator ends when told to, without an error.
+    /// Stops the emulator, which must end without an error.
     fn drop(&mut self) {
         self.stop.store(true, Ordering::Relaxed);
         let Some(thread) = self.thread.take() else {
@@ -185,7 +183,7 @@ pub fn scene() -> Config {
     Config::builtin().unwrap()
 }
 
-/// The built-in scene with a camera of 64 x 64 pixels that exposes for 10 ms, `rate_hz` times a second.
+/// The built-in scene with a camera of 64 x 64 pixels and 10 ms exposure at `rate_hz`.
 pub fn quick(rate_hz: f64) -> Config {
     let mut config = scene();
     config.camera.detector.width = 64;
@@ -261,7 +259,7 @@ pub fn serial_client(config: Config, clock: Clock) -> (Running, Client<PtyLine>)
     (emulator, Client::new(line))
 }
 
-/// An emulator with a UDP port for each of these roles, and a client at each.
+/// An emulator with a UDP port for each of these roles, each with a client.
 pub fn role_clients<const N: usize>(
     config: Config,
     clock: Clock,
@@ -275,7 +273,7 @@ pub fn role_clients<const N: usize>(
     (Running::at(config, clock, links), clients)
 }
 
-/// A link at a pseudo-terminal of its own, the folder of its name, and the name that clients open.
+/// A link at a new pseudo-terminal, the folder of its name, and the name for clients.
 pub fn on_pty(options: &link::Options, baud: u32) -> (Wire, tempfile::TempDir, String) {
     let folder = tempfile::tempdir().unwrap();
     let name = folder.path().join("tracker").display().to_string();
@@ -283,14 +281,14 @@ pub fn on_pty(options: &link::Options, baud: u32) -> (Wire, tempfile::TempDir, S
     (wire, folder, name)
 }
 
-/// The built-in scene, whose frames come at this output level.
+/// The built-in scene at this output level.
 pub fn scene_at(level: &str) -> Config {
     let mut config = scene();
     config.run.output = Output::preset(level).unwrap();
     config
 }
 
-/// A fault that is injected for so many seconds; 0: until it is ended.
+/// A fault for so many seconds; 0: until another command ends it.
 pub fn fault(kind: FaultKind, direction: Direction, value: f64, seconds: f64) -> Command {
     Command::Fault(Fault {
         kind,
@@ -300,12 +298,12 @@ pub fn fault(kind: FaultKind, direction: Direction, value: f64, seconds: f64) ->
     })
 }
 
-/// The schedule of a fault that is in force for the whole run.
+/// The schedule of a fault during the whole run.
 pub fn always(direction: &str, kind: &str, value: f64) -> String {
     format!("[[faults]]\ndirection = \"{direction}\"\nkind = \"{kind}\"\nvalue = {value:?}\n")
 }
 
-/// Waits until `done`, polling `what` at most [`PATIENCE`].
+/// Polls until `done`, for at most [`TIMEOUT`].
 pub fn await_that(what: &str, mut done: impl FnMut() -> bool) {
     let started = Instant::now();
     while !done() {
@@ -315,9 +313,9 @@ pub fn await_that(what: &str, mut done: impl FnMut() -> bool) {
 
 /// An emulator at `wire` with a page of metrics, and the page's server.
 pub fn with_metrics(config: Config, clock: Clock, wire: Wire) -> (Running, metrics::Server) {
-    let place = Metrics::default();
-    let serving = metrics::serve("0", vec![place.clone()]).unwrap();
-    let prepare = |server: &mut Server| server.set_metrics(place);
+    let page = Metrics::default();
+    let serving = metrics::serve("0", vec![page.clone()]).unwrap();
+    let prepare = |server: &mut Server| server.set_metrics(page);
     let links = vec![(wire, Roles::ALL)];
     (Running::prepared(config, clock, links, prepare), serving)
 }

@@ -1,4 +1,4 @@
-//! Objects whose states are a function of time.
+//! Objects with states as a function of time.
 #![allow(dead_code, reason = "each test program uses its own part of this")]
 
 use hifitime::Epoch;
@@ -8,7 +8,7 @@ use skyloop::orbit::Object;
 /// Gravitational parameter of the Earth, km^3/s^2 (WGS84).
 const GM: f64 = 398_600.441_8;
 
-/// An OEM of 21 s around `mid`; `state` gives km and km/s at a time (s) from there.
+/// An OEM of 21 s around `mid`; `state` gives km and km/s at a time (s) after `mid`.
 pub fn oem(
     id: &str,
     mid: Epoch,
@@ -18,7 +18,7 @@ pub fn oem(
     skyloop::orbit::parse(&text, "test.oem").unwrap().objects
 }
 
-/// Its text.
+/// The text of [`oem`].
 pub fn oem_text(
     id: &str,
     mid: Epoch,

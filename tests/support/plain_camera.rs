@@ -1,4 +1,4 @@
-//! A camera to order: a plain one, with some keys of its file set.
+//! A plain camera with some keys of its file changed.
 
 use skyloop::camera::Camera;
 use skyloop::load::{ConfigError, Folder};
@@ -30,7 +30,7 @@ exposure_s = 0.1
 rate_hz = 1.0
 "#;
 
-/// The plain camera with these keys set: `table.key = value`, parted by `; `, values as in TOML.
+/// The plain camera with these keys: `table.key = value`, separated by `; `, values as in TOML.
 pub fn try_camera(keys: &str) -> Result<Camera, ConfigError> {
     let mut table: toml::Table = PLAIN.parse().unwrap();
     for assignment in keys.split("; ").filter(|keys| !keys.is_empty()) {

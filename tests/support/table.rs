@@ -1,8 +1,8 @@
-//! Tables of cases as text: a line a case.
+//! Tables of cases as text, a line for each case.
 #![allow(dead_code, reason = "each test program uses its own part of this")]
 
-/// The rows of a table: an input, and behind each ` | ` a text that belongs to it. A line that
-/// starts with `|` continues the row above it, one with `//` is a remark.
+/// The rows of a table: an input, then its texts, separated by ` | `. A line that starts with `|`
+/// continues the row above it; a line that starts with `//` is a comment.
 pub fn rows(table: &str) -> Vec<(&str, Vec<&str>)> {
     let mut rows: Vec<(&str, Vec<&str>)> = Vec::new();
     let lines = table.lines().map(str::trim);
@@ -16,8 +16,8 @@ pub fn rows(table: &str) -> Vec<(&str, Vec<&str>)> {
     rows
 }
 
-/// Calls `refusal` with the input of each row (`\n` is a line's end) and looks for the row's texts
-/// in it.
+/// Calls `refusal` with the input of each row (`\n` is a line break) and asserts that the message
+/// has the row's texts.
 pub fn check_refusals(table: &str, refusal: impl Fn(&str) -> String) {
     for (input, words) in rows(table) {
         let message = refusal(&input.replace("\\n", "\n"));

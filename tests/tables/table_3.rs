@@ -1,4 +1,4 @@
-//! The paper's Table 3: a short sequence is rendered, written and told of.
+//! The paper's Table 3: a short sequence is rendered, written and reported.
 
 #[path = "../../examples/table_3/sequence.rs"]
 mod sequence;
@@ -15,7 +15,7 @@ use skyloop_firmware_sim::console::in_one_line;
 use std::path::Path;
 use table::Args;
 
-/// What is printed for these arguments; an error as it is printed.
+/// The printed text for these arguments, or the printed error.
 fn table_3(args: &[&str]) -> Result<String, String> {
     let args = Args::try_parse_from([&["table_3"], args].concat()).map_err(|e| e.to_string())?;
     let mut printed = String::new();
@@ -49,7 +49,7 @@ fn rows(printed: &str) -> Vec<[&str; 4]> {
 }
 
 #[test]
-fn a_short_sequence_is_written_and_stands_beside_the_published_figures() {
+fn a_short_sequence_is_written_and_compared_with_the_published_times() {
     let out = tempfile::tempdir().unwrap();
     let printed = table_3(&["--images", "2", "--out", out.path().to_str().unwrap()]).unwrap();
 
@@ -85,14 +85,15 @@ fn a_short_sequence_is_written_and_stands_beside_the_published_figures() {
     assert_eq!(first["q_icrf_to_body"], second["q_icrf_to_body"]);
     assert_ne!(first["state_gcrf_km"], second["state_gcrf_km"]);
     for label in &labels {
-        // The scene itself labels some 1,100 stars a frame and three objects (README.md, 'The two commands').
+        // The scene alone has labels of some 1,100 stars a frame and three objects (README.md,
+        // 'The two commands').
         assert!(of_kind(label, "star") > 1000);
         assert!(of_kind(label, "rso") > 3);
     }
 }
 
 #[test]
-fn objects_of_a_file_take_the_place_of_made_up_ones() {
+fn objects_of_a_file_replace_the_synthetic_ones() {
     let out = tempfile::tempdir().unwrap();
     let epoch = parse_utc("2019-06-15T23:35:50Z").unwrap();
     let mut records: Vec<Record> = population(2, 1, epoch)
@@ -107,14 +108,14 @@ fn objects_of_a_file_take_the_place_of_made_up_ones() {
     let file = file.to_str().unwrap();
     // Without --out the images go to a temporary folder.
     let printed = table_3(&["--images", "1", "--tle", file]).unwrap();
-    let told = format!("with 1 object of {file}");
-    for part in [&told, "written into a temporary folder"] {
+    let objects = format!("with 1 object of {file}");
+    for part in [&objects, "written into a temporary folder"] {
         assert!(printed.contains(part), "{printed}");
     }
 }
 
 #[test]
-fn what_cannot_be_done_is_told_with_its_remedy() {
+fn wrong_arguments_are_refused_with_their_remedy() {
     let out = tempfile::tempdir().unwrap();
     let file = out.path().join("a-file");
     std::fs::write(&file, "no orbits").unwrap();

@@ -1,4 +1,4 @@
-//! The paper's Table A1 from our own frames.
+//! The paper's Table A1, reproduced by frames of skyloop.
 
 #[path = "../../examples/table_a1/table.rs"]
 mod table;
@@ -8,7 +8,7 @@ use skyloop::config::Config;
 use table::{distance, mean, mean_distances, reproduce, scene};
 
 #[test]
-fn the_rows_lie_where_sbois_has_them_as_far_as_the_documents_say() {
+fn distances_to_sbois_are_those_of_the_documents() {
     let fitted = reproduce(scene('B').unwrap()).unwrap();
     assert_eq!(fitted.len(), 36);
     let distances = mean_distances(&fitted, &reproduce(scene('A').unwrap()).unwrap());
@@ -22,22 +22,23 @@ fn the_rows_lie_where_sbois_has_them_as_far_as_the_documents_say() {
             include_str!("../../docs/explanation/accuracy.md")
                 .lines()
                 .any(|line| line == row),
-            "docs/explanation/accuracy.md lacks the row, as it is now: {row}"
+            "docs/explanation/accuracy.md lacks the row {row}"
         );
     }
 }
 
 #[test]
-fn the_papers_own_distances_come_out_again() {
+fn the_papers_own_distances_are_reproduced() {
     let rows = reproduce(scene('B').unwrap()).unwrap();
-    // X-Val: recomputed from the printed pixels and errors: STK-EOIR 6.98 as printed, 6.84 mended.
+    // X-Val: recomputed from the printed pixels and errors: STK-EOIR 6.98 as printed, 6.84
+    // corrected.
     let printed = mean(&rows, |row| {
         Some(row.stk_error_printed[0].hypot(row.stk_error_printed[1]))
     });
-    let mended = mean(&rows, |row| Some(distance(row.stk, row.fai)));
+    let corrected = mean(&rows, |row| Some(distance(row.stk, row.fai)));
     assert!(
-        (printed - 6.98).abs() < 0.005 && (mended - 6.84).abs() < 0.005,
-        "{printed} {mended}"
+        (printed - 6.98).abs() < 0.005 && (corrected - 6.84).abs() < 0.005,
+        "{printed} {corrected}"
     );
     // X-Val: SBOIS, RSOs, 5.63.
     let sbois = mean(rows.iter().filter(|row| !row.is_star()), |row| {
@@ -62,7 +63,7 @@ fn a_tenth_of_a_degree_moves_the_star_columns() {
     let stars = straight.iter().zip(&moved).filter(|(row, _)| row.is_star());
     for (before, after) in stars {
         let shift = distance(before.ours, after.ours);
-        // Off the axis a pixel sees a little less than at the centre: 0.93 to 0.96 px.
+        // Away from the axis a pixel covers a slightly smaller angle: 0.93 to 0.96 px.
         let expected = if before.epoch == "23:35:50" {
             0.94
         } else {

@@ -1,10 +1,10 @@
-//! No circle of files: a file that uses a module is not used by it, however long the chain.
+//! No circular uses of files, directly or through other files.
 
 use super::{code, files, is_rust, root};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
-/// Files by module path (`scene::area::blur`), and the modules that each uses.
+/// Files by module path (`scene::area::blur`), with the modules that they use.
 type Uses = BTreeMap<String, BTreeSet<String>>;
 
 /// Crates: the folder of their sources.
@@ -26,7 +26,7 @@ fn no_files_use_each_other_in_circles() {
     let circles: Vec<String> = CRATES.iter().flat_map(|folder| circles(folder)).collect();
     assert!(
         circles.is_empty(),
-        "circles of files: give what they share a file of its own\n{}",
+        "circles of files: move their common items to a new file\n{}",
         circles.join("\n")
     );
 }
@@ -89,7 +89,7 @@ fn reach(name: &str, uses: &Uses) -> BTreeSet<String> {
     reached
 }
 
-/// The modules whose items the code of module `name` names.
+/// The modules whose items the code of module `name` uses.
 fn used(name: &str, code: &str, modules: &BTreeSet<String>) -> BTreeSet<String> {
     let flat = code.split_whitespace().collect::<Vec<_>>().join(" ");
     let mut paths = Vec::new();
@@ -138,8 +138,8 @@ fn expand(prefix: &str, tree: &str, paths: &mut Vec<String>) {
     }
 }
 
-/// The module that a path leads to: the longest one that it begins with. A head that only declares and
-/// re-exports its modules is not used by naming one of them.
+/// The module of a path: its longest prefix that is a module. A path through a parent module does
+/// not use the parent.
 fn target(name: &str, path: &str, modules: &BTreeSet<String>) -> Option<String> {
     let mut here: Vec<&str> = name.split("::").filter(|part| !part.is_empty()).collect();
     let mut parts = path.split("::").peekable();

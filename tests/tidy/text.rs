@@ -1,8 +1,8 @@
-//! What no file may say: unsafe code outside of its places, folders of one machine.
+//! No unsafe code outside of its files, no paths of one machine, no ignored test without a script.
 
 use super::{files, is_rust, name, root};
 
-/// The compiler refuses unsafe code; this keeps it told to, but for system calls that no crate wraps and for the kernels.
+/// The lint against unsafe code is active, except for system calls without a crate and for kernels.
 #[test]
 fn nothing_is_unsafe() {
     const UNSAFE: &[&str] = &["src/render/kernels.rs", "src/link/low_latency.rs"];
@@ -38,10 +38,9 @@ fn nothing_is_unsafe() {
     assert!(manifest.contains(&format!("{lint} = \"deny\"")));
 }
 
-/// No file may name a folder of the machine that it was written on.
 #[test]
 fn no_machine_paths() {
-    // In pieces, so that this file does not hold them.
+    // Composed, so that this file does not contain them.
     let folders = ["work", "tmp", "home", "root", "Users"].map(|folder| format!("/{folder}/"));
     for path in files(root()) {
         let Ok(text) = std::fs::read_to_string(&path) else {
@@ -50,7 +49,7 @@ fn no_machine_paths() {
         for (number, line) in (1..).zip(text.lines()) {
             let starts = |folder: &String| {
                 line.match_indices(folder.as_str()).any(|(at, _)| {
-                    // `a/home/b` is a path below a, not one of the machine.
+                    // `a/home/b` is a relative path.
                     !line[..at].ends_with(|c: char| c.is_alphanumeric() || "._-".contains(c))
                 })
             };
@@ -67,7 +66,7 @@ fn no_machine_paths() {
 /// reason starts with the same word.
 #[test]
 fn ignored_tests_are_run_by_a_script() {
-    // By hand: other numbers in every run, and as many as there is time for.
+    // Run by hand: random input of any duration.
     const BY_HAND: [&str; 2] = ["other_sets_than_before", "ten_million"];
     const KINDS: [&str; 3] = ["timed", "tools", "long"];
     let script = std::fs::read_to_string(root().join("tests/run")).unwrap();
