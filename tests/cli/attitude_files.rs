@@ -1,8 +1,8 @@
-//! `[sequence] attitude_file`: an AEM or lines of attitudes are flown as the file means them.
+//! `[sequence] attitude_file`: attitudes of an AEM or of lines, in all their conventions.
 
 use crate::{Folder, Q};
 
-/// A scene whose first of three frames, 1 s apart, is at the touchstone's time, and a file beside it.
+/// A scene of three frames, 1 s apart, the first at the time of `Q`, and an attitude file.
 fn scene(sequence: &str, (name, text): (&str, &str)) -> Folder {
     let scene = format!(
         "[sequence]\nepoch = \"2019-06-15T23:35:50Z\"\nframes = 3\nperiod_s = 1.0\n{sequence}\n"
@@ -12,7 +12,7 @@ fn scene(sequence: &str, (name, text): (&str, &str)) -> Folder {
 
 const RENDER: &str = "render --scene scene.toml --out o";
 
-/// An AEM of version 1.0; its second segment holds the third frame alone.
+/// An AEM of version 1.0 whose second segment covers only the third frame.
 fn message(meta: &str, first: &str, second: &str) -> String {
     let segment = |start: u32, stop: u32, q: &str| {
         let at = |second| format!("2019-06-15T23:35:{second}");
@@ -31,9 +31,8 @@ fn message(meta: &str, first: &str, second: &str) -> String {
 const A2B_LAST: &str = "ATTITUDE_DIR = A2B\nQUATERNION_TYPE = LAST\n";
 
 #[test]
-fn attitudes_of_a_file_are_those_of_the_labels() {
-    // The same attitude, `Q` to the body, in each spelling: the quaternion of CCSDS from A to B is its
-    // conjugate.
+fn labels_have_the_attitudes_of_the_file() {
+    // The attitude `Q` in each convention: the quaternion of CCSDS from A to B is its conjugate.
     let a2b_last = message(A2B_LAST, "0.070834 0.644137 -0.733522 -0.204975", "0 0 0 1");
     let b2a_first = message(
         "ATTITUDE_DIR = B2A\nQUATERNION_TYPE = FIRST\n",
@@ -69,7 +68,7 @@ fn attitudes_of_a_file_are_those_of_the_labels() {
 }
 
 #[test]
-fn attitude_files_that_cannot_be_flown_say_why() {
+fn invalid_attitude_files_are_refused_with_a_reason() {
     let good = "2019-06-15T23:35:50 0 0 0 1\n2019-06-15T23:35:55 0 0 0 1\n";
     let stk = "stk.v.11.0\nBEGIN Attitude\n";
     let spin = message(A2B_LAST, "0 0 0 1", "0 0 0 1");

@@ -9,7 +9,7 @@ pub const VANGUARD: &str = "VANGUARD 1\n\
 pub const DELTA: &str = "DELTA 1 DEB\n\
     1 06251U 62025E   06176.82412014  .00008885  00000-0  12808-3 0  3985\n\
     2 06251  58.0579  54.0425 0030035 139.1568 221.1854 15.56387291  6774\n";
-/// A made-up object with a number that no TLE can hold, and a name that no 3LE can.
+/// Synthetic objects with a number too large for a TLE, and a name too long for a 3LE.
 const NEW: &str = "\
     OBJECT_NAME,OBJECT_ID,EPOCH,MEAN_MOTION,ECCENTRICITY,INCLINATION,RA_OF_ASC_NODE,ARG_OF_PERICENTER,MEAN_ANOMALY,NORAD_CAT_ID,BSTAR\n\
     MADE UP,2026-101A,2026-07-12T03:04:05.678912,15.20000001,.0010001,97.5001,120.0002,90.0003,270.0004,799500123,.1E-3\n\
@@ -21,8 +21,8 @@ pub fn scene(files: &str) -> String {
     format!("[objects]\nfiles = [{files}]\n[observer]\norbit = \"delta.3le\"\n{sequence}")
 }
 
-/// A folder of orbits in three formats, with a remark and a subfolder beside them. One object has
-/// another set, ten days later, and one has a set that is spoilt.
+/// A folder of orbits in three formats, with a text file and a subfolder. One object has a second
+/// set, ten days later; one object has a corrupted set.
 fn folder() -> Folder {
     let later = VANGUARD
         .replace("00179", "00189")
@@ -40,7 +40,7 @@ fn folder() -> Folder {
 }
 
 #[test]
-fn check_tells_what_files_hold_and_what_is_no_use() {
+fn check_reports_content_and_faults_of_files() {
     let here = folder();
     here.run("catalog check orbits").exits(0).prints(&[
         "orbits/a.txt: 3le, 1 record of 1 object, 0 rejected",
@@ -98,11 +98,11 @@ fn without_number(set: &str) -> String {
 }
 
 #[test]
-fn check_counts_objects_that_nothing_tells_apart_and_says_what_it_assumed() {
+fn check_counts_indistinguishable_objects_and_reports_assumptions() {
     let (vanguard, delta) = (without_number(VANGUARD), without_number(DELTA));
     let theory = NEW.replacen("BSTAR\n", "BSTAR,MEAN_ELEMENT_THEORY\n", 1);
     let theory = theory.replace(".1E-3\n", ".1E-3,SGP\n");
-    // Two orbits without a number, and one of them again in another file; and with a name.
+    // Two orbits without a number; one of them again in another file, with and without a name.
     let here = Folder::with(&[
         ("one.tle", &format!("{vanguard}{delta}")),
         ("two.tle", &delta),
@@ -123,7 +123,7 @@ fn check_counts_objects_that_nothing_tells_apart_and_says_what_it_assumed() {
     ]);
     here.run("catalog info one.tle two.tle")
         .prints(&["  0 #2 ", "  0  "]);
-    // One name without a number is no identity.
+    // A name without a number does not identify an object.
     for (other, objects, shared) in [("three.tle", 2, 1), ("four.tle", 1, 0)] {
         let check = here.run(&format!("catalog check {other} four.tle"));
         let check = check.prints(&[&format!("2 files: 2 records of {objects} object")]);
@@ -147,8 +147,8 @@ fn check_counts_objects_that_nothing_tells_apart_and_says_what_it_assumed() {
 }
 
 #[test]
-fn check_tells_sets_without_a_state_by_the_references_code() {
-    // So low that its mean orbit lies inside the Earth.
+fn check_reports_sgp4_errors_by_their_reference_code() {
+    // The mean orbit lies inside the Earth.
     let low = NEW
         .replace("15.20000001", "17.5")
         .replace("MADE UP", "SUNK");
@@ -160,7 +160,7 @@ fn check_tells_sets_without_a_state_by_the_references_code() {
 }
 
 #[test]
-fn info_counts_kinds_of_orbits_and_tells_one() {
+fn info_counts_orbit_regimes_and_describes_one_object() {
     let here = folder();
     let info = here.run("catalog info orbits").exits(0);
     let info = info.prints(&["799500123", "A NAME OF THIRTY CHARACTERS ..."]);
@@ -177,10 +177,10 @@ fn info_counts_kinds_of_orbits_and_tells_one() {
         "passed over: 2 entries are no files of orbits",
     ]);
 
-    let told = here.run("catalog info orbits --object 799500123 --json");
-    let told = told.json();
-    assert_eq!(told.as_array().unwrap().len(), 1);
-    let (regime, deep) = (&told[0]["regime"], &told[0]["deep"]);
+    let object = here.run("catalog info orbits --object 799500123 --json");
+    let object = object.json();
+    assert_eq!(object.as_array().unwrap().len(), 1);
+    let (regime, deep) = (&object[0]["regime"], &object[0]["deep"]);
     assert_eq!((regime, deep), (&"LEO".into(), &false.into()));
     here.runs(
         "catalog info orbits",
@@ -191,7 +191,7 @@ fn info_counts_kinds_of_orbits_and_tells_one() {
 }
 
 #[test]
-fn info_tells_the_span_of_an_ephemeris() {
+fn info_reports_the_span_of_an_ephemeris() {
     let here = folder();
     let oem = crate::repository("configs/scenes/rcm-2019-06-15/rcm-2-B.oem");
     let info = here.run(&format!("catalog info {oem}"));
@@ -199,7 +199,7 @@ fn info_tells_the_span_of_an_ephemeris() {
 }
 
 #[test]
-fn a_scene_takes_folders_and_says_what_it_passed_over() {
+fn a_scene_reads_folders_and_reports_skipped_files() {
     let here = folder();
     here.write("folder.toml", scene("\"orbits\""));
     here.run("plan --scene folder.toml").exits(0).logs(&[

@@ -1,15 +1,15 @@
-//! `skyloop cost` and `--budget-ms`: the settings as a table, lines, JSON and a plot, and the one that
-//! a run takes.
+//! `skyloop cost` and `--budget-ms`: the settings as a table, lines, JSON and a plot, and the
+//! choice of a run.
 
 use crate::{Folder, camera, has, repository_text};
 use serde_json::Value;
 use skyloop::measure::cost::settings;
 
-/// The shipped scene `limb-by-night` on few pixels, so that its frames take little.
+/// The shipped scene `limb-by-night` on few pixels, for fast frames.
 const SCENE: &str = "camera = \"small.toml\"\n[observer]\norbit = \"leo-570.tle\"\n[sequence]\n\
      epoch = \"2026-06-20T10:45:00Z\"\nframes = 2\nperiod_s = 1.0\n\
      attitudes = [{ q = [-0.302633392, 0.539097425, 0.637848687, 0.459277747] }]\n";
-/// More than any frame takes, and less.
+/// Budgets above and below the time of any frame.
 const AMPLE: &str = "--budget-ms 1000000";
 const SCANT: &str = "--budget-ms 0.001";
 const FASTEST: &str = "no setting is that fast, this is the fastest";
@@ -43,7 +43,7 @@ fn every_setting_is_in_the_json_the_lines_and_the_table() {
         ("scene", Value::from("scene.toml")),
         ("frames", 2.into()),
         ("rounds", 5.into()),
-        // Nothing is closer to the reference than itself, and what has all time takes it.
+        // The reference has no error, and an unlimited budget selects it.
         ("chosen", "reference".into()),
         ("fits", true.into()),
     ] {
@@ -64,7 +64,7 @@ fn every_setting_is_in_the_json_the_lines_and_the_table() {
             assert!(figure(error) >= 0.0, "{row}");
             assert!(!is_reference || figure(error) == 0.0, "{row}");
         }
-        // Too much or too little.
+        // Budgets that are too large or too small.
         let most_e = if is_reference { f64::MIN_POSITIVE } else { 1.0 };
         assert!(figure("background_e").abs() < most_e, "{row}");
     }
@@ -94,7 +94,7 @@ fn every_setting_is_in_the_json_the_lines_and_the_table() {
 }
 
 #[test]
-fn runs_take_the_setting_that_a_budget_buys_and_labels_say_so() {
+fn a_budget_selects_the_setting_of_runs_and_labels() {
     let here = folder();
     let fidelity = |out: &str| -> Vec<Value> {
         let labels = here.labels(out).into_iter();

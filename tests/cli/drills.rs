@@ -1,5 +1,4 @@
-//! `skyloop run` as a process when something breaks: signals, a full disk, a port that others hold,
-//! clients without end.
+//! `skyloop run` as a process under faults: signals, a full disk, a port in use, many clients.
 #![cfg(target_os = "linux")]
 
 use crate::run::Process;
@@ -13,19 +12,19 @@ use std::net::UdpSocket;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-/// Frames of a few packets: what is drilled is not how long pixels take.
+/// Frames of a few packets, since transmission time does not matter for these tests.
 const RUN: &str = "[run]\nlink = \"udp://127.0.0.1:0\"\noutput = \"windows\"\nidle_s = 60.0\n";
 
 fn folder() -> Folder {
     Folder::with(&[("run.toml", RUN)])
 }
 
-/// A run in such a folder with these flags, listening.
+/// A listening run in such a folder with these flags.
 fn started(here: &Folder, flags: &str) -> Process {
     Process::listening(here, &format!("run --config run.toml {flags}"))
 }
 
-/// A frame of this attitude, of windows and objects; the number of its packets.
+/// Receives a frame of this attitude with windows and objects; returns the number of its packets.
 fn frame(client: &mut Client<UdpLine>, sequence: u32) -> u32 {
     client.point(attitude(sequence), EPOCH);
     let (header, packets, _) = client.parcel();
@@ -33,7 +32,7 @@ fn frame(client: &mut Client<UdpLine>, sequence: u32) -> u32 {
     packets.len() as u32 + 2
 }
 
-/// The packets of a recording, and how many of them end a frame.
+/// Numbers of packets and of frame ends in a recording.
 fn recorded(file: &Path) -> (usize, usize) {
     let bytes = std::fs::read(file).unwrap();
     let packets = pcapng::read(file, &bytes.into()).unwrap().records;
@@ -45,7 +44,7 @@ fn recorded(file: &Path) -> (usize, usize) {
 }
 
 #[test]
-fn a_run_that_is_told_to_end_leaves_a_recording_that_is_whole() {
+fn a_terminated_run_leaves_a_complete_recording() {
     let here = folder();
     let process = started(&here, "--capture run.pcapng");
     let mut client = process.udp_client();
@@ -60,7 +59,7 @@ fn a_run_that_is_told_to_end_leaves_a_recording_that_is_whole() {
 }
 
 #[test]
-fn a_run_that_is_killed_leaves_what_it_had_recorded() {
+fn a_killed_run_leaves_a_partial_recording() {
     let here = folder();
     let file = here.join("run.pcapng");
     let process = started(&here, "--capture run.pcapng");
@@ -68,19 +67,19 @@ fn a_run_that_is_killed_leaves_what_it_had_recorded() {
     for sequence in 1..=3 {
         frame(&mut client, sequence);
     }
-    // The file is brought up to date once a second.
+    // The file is flushed once a second.
     await_that("three frames are on disk", || {
         std::thread::sleep(Duration::from_millis(20));
         recorded(&file).1 == 3
     });
-    // More of them, of which the last ones are cut off.
+    // Further frames, of which the last are cut off.
     for sequence in 4..=6 {
         frame(&mut client, sequence);
     }
     assert_eq!(process.end_by("-KILL").code, None, "killed");
     let (_, frames) = recorded(&file);
     assert!((3..=6).contains(&frames), "{frames}");
-    // Wherever within a record the end lies.
+    // The end may be anywhere in a record.
     let bytes = std::fs::read(&file).unwrap();
     for less in [1, 5, 30, 100] {
         here.write("cut.pcapng", &bytes[..bytes.len() - less]);
@@ -90,9 +89,9 @@ fn a_run_that_is_killed_leaves_what_it_had_recorded() {
     replay.exits(0).says(&["the same: "]);
 }
 
-/// A disk that is full while the run records: no byte beyond the first 64 KiB.
+/// The disk becomes full during the run: no byte beyond the first 64 KiB.
 #[test]
-fn a_run_whose_disk_is_full_goes_on_and_tells_what_is_missing() {
+fn a_run_continues_on_a_full_disk_and_reports_missing_packets() {
     let here = folder();
     let mut command = crate::folder::limited_shell(128);
     command.args(["run", "--config", "run.toml", "--capture", "run.pcapng"]);
@@ -100,7 +99,7 @@ fn a_run_whose_disk_is_full_goes_on_and_tells_what_is_missing() {
     let mut client = process.udp_client();
     let mut sent = 0;
     for sequence in 1..=30 {
-        // Its packets, and the attitude; and credit after every eight.
+        // The client also sends an attitude, and credit after every eight packets.
         sent += frame(&mut client, sequence);
     }
     let taken = client.status().counters;
@@ -116,8 +115,8 @@ fn a_run_whose_disk_is_full_goes_on_and_tells_what_is_missing() {
             "make room and run again",
         ],
     );
-    // All that was taken and sent is in the file, or told as missing: what came, frames, an Ack and a
-    // Status.
+    // All packets are either in the file or reported as missing: received ones, frames, an Ack and
+    // a Status.
     let (packets, _) = recorded(&here.join("run.pcapng"));
     let (_, missing) = log.rsplit_once("is not whole, ").unwrap();
     let missing: u32 = missing.split(' ').next().unwrap().parse().unwrap();
@@ -126,10 +125,10 @@ fn a_run_whose_disk_is_full_goes_on_and_tells_what_is_missing() {
     here.run("replay run.pcapng --config run.toml").exits(0);
 }
 
-/// A limit of 0 bytes a file stands for a full disk: files can be made, and not one byte can be
-/// written into them. /dev/full is a disk that is full from the start.
+/// A limit of 0 bytes a file simulates a full disk: files can be created, but no byte can be
+/// written. /dev/full has no space either.
 #[test]
-fn a_full_disk_leaves_no_file_behind() {
+fn a_full_disk_leaves_no_files() {
     let here = folder();
     let refused = here.run("run --config run.toml --capture /dev/full");
     refused.exits(1).logs(&["capture /dev/full", "has room"]);
@@ -154,16 +153,16 @@ fn a_full_disk_leaves_no_file_behind() {
     }
 }
 
-/// Blocks of 512 bytes a file. 1500: the files of a frame fit, a log of its CAN frames as text does
-/// not. 100: no picture of 131,072 bytes fits.
+/// Limits in blocks of 512 bytes a file. 1500: the files of a frame fit, a text log of its CAN
+/// frames does not. 100: no picture of 131,072 bytes fits.
 #[test]
-fn a_recording_that_is_cut_short_fails_the_junit_file_too() {
+fn an_incomplete_recording_fails_the_junit_file_too() {
     let here = Folder::with(&[
         ("delay.toml", &always("in", "delay", 0.001)),
         ("stuck.toml", &always("out", "stuck", 1.0)),
     ]);
-    // Blocks, options and failures; what could not be written beside the frames is reported with
-    // them. In the last row the frame is missing, too.
+    // Blocks, number of failures, options. Further unwritten files are reported with the frames. In
+    // the last row the frame is missing, too.
     for (row, says) in rows(
         "1500 1 --link slcan --capture c.log | the recording is not whole
          100 2 --faults delay.toml --fault-log /dev/full
@@ -188,13 +187,13 @@ fn a_recording_that_is_cut_short_fails_the_junit_file_too() {
 }
 
 #[test]
-fn packets_that_a_fault_delays_are_not_blamed_on_the_client() {
+fn packets_delayed_by_a_fault_are_not_attributed_to_the_client() {
     let here = folder();
     here.write("faults.toml", always("out", "delay", 60.0));
     let process = started(&here, "--frames 1 --faults faults.toml");
     let mut client = process.udp_client();
     client.point(attitude(1), EPOCH);
-    // Challenges are not delayed: it returns them.
+    // Challenges are not delayed; the client returns them.
     client.recv(Duration::from_secs(1));
     let ended = process.end().exits(0);
     let ended = ended.prints(&["1 (1 held back by a fault); 1 requested, 0 delivered\n"]);
@@ -205,8 +204,8 @@ fn packets_that_a_fault_delays_are_not_blamed_on_the_client() {
     assert!(!ended.log.contains("client"), "{}", ended.log);
 }
 
-/// A fault stops the Credit of a client that grants 2 packets at a time: the log names it, with the
-/// direction.
+/// A fault stops the Credit of a client that grants 2 packets at a time: the log names the fault
+/// and its direction.
 #[test]
 fn a_fault_that_stops_credit_is_the_remedy_in_the_log() {
     use skyloop_protocols::{Direction, Fault, FaultKind};
@@ -223,7 +222,7 @@ fn a_fault_that_stops_credit_is_the_remedy_in_the_log() {
         let here = folder();
         let process = started(&here, "--fault-log log.jsonl");
         let mut client = process.udp_client().unpaced();
-        // What faults lose counts from the begin of the exchange.
+        // Losses by faults count from the start of the exchange.
         client.status();
         for packets in grants {
             client.send(Command::Credit { packets: *packets });
@@ -236,7 +235,7 @@ fn a_fault_that_stops_credit_is_the_remedy_in_the_log() {
             seconds: 0.0,
         }));
         client.send(Command::Credit { packets: 6 });
-        // It proves its address, and is given up after 2 s.
+        // The client proves its address; the frame is abandoned after 2 s.
         let begun = Instant::now();
         while begun.elapsed() < Duration::from_millis(1500) {
             client.recv(Duration::from_millis(100));
@@ -247,7 +246,7 @@ fn a_fault_that_stops_credit_is_the_remedy_in_the_log() {
 }
 
 #[test]
-fn a_port_that_another_holds_is_told_and_one_that_is_given_back_serves() {
+fn a_port_in_use_is_refused_and_a_released_one_is_reused() {
     let here = folder();
     let first = started(&here, "");
     let address = first.address.clone();
@@ -257,21 +256,21 @@ fn a_port_that_another_holds_is_told_and_one_that_is_given_back_serves() {
         refused.exits(1).logs(&[&address, "choose a free port"]);
     };
     refused();
-    // The one that holds it has noticed nothing.
+    // The first run still works.
     frame(&mut first.udp_client(), 1);
     first.end_by("-INT").exits(0);
-    // A stranger takes it, and gives it back.
-    let stranger = UdpSocket::bind(address.strip_prefix("udp://").unwrap()).unwrap();
+    // Another socket takes and releases the port.
+    let other = UdpSocket::bind(address.strip_prefix("udp://").unwrap()).unwrap();
     refused();
-    drop(stranger);
+    drop(other);
     let second = started(&here, &link);
     assert_eq!(second.address, address);
     frame(&mut second.udp_client(), 1);
     second.end_by("-INT").exits(0);
 }
 
-/// What a process holds: open files, threads, resident memory (kB).
-fn held(id: u32) -> [usize; 3] {
+/// Resources of a process: open files, threads, resident memory (kB).
+fn resources(id: u32) -> [usize; 3] {
     let entries = |of: &str| {
         let entries = std::fs::read_dir(format!("/proc/{id}/{of}"));
         entries.unwrap().count()
@@ -282,9 +281,9 @@ fn held(id: u32) -> [usize; 3] {
     [entries("fd"), entries("task"), resident.parse().unwrap()]
 }
 
-/// Pings until an answer comes, and takes all answers: up to those to one more Ping.
-fn be_heard(client: &mut Client<UdpLine>) {
-    await_that("the client is heard", || {
+/// Pings until an answer arrives, then receives all answers up to those to one more Ping.
+fn connect(client: &mut Client<UdpLine>) {
+    await_that("the client is answered", || {
         client.send(Command::Ping);
         client.recv(TIMEOUT / 400).is_some()
     });
@@ -300,18 +299,18 @@ fn be_heard(client: &mut Client<UdpLine>) {
 }
 
 #[test]
-fn a_thousand_clients_leave_nothing_behind() {
-    /// Clients before the first look at what is held: the first frame's memory among them.
+fn a_thousand_clients_leak_no_resources() {
+    /// Clients before the first measurement, which includes the memory of the first frame.
     const FIRST: u32 = 100;
     let here = folder();
     let process = started(&here, "");
     let mut before = [0; 3];
     for number in 0..1000 {
         let mut client = process.udp_client().unpaced();
-        // The one before is let go of when its Reset has reached the link, which may be after this
-        // one's first word.
-        be_heard(&mut client);
-        // The first has many: until all threads have worked on one, memory grows.
+        // The previous client is released when its Reset reaches the link, which may be after the
+        // first packet of this client.
+        connect(&mut client);
+        // The first client gets many frames: memory grows until all threads have rendered one.
         let frames = match number {
             0 => 60,
             _ => u32::from(number % 50 == 0),
@@ -321,17 +320,17 @@ fn a_thousand_clients_leave_nothing_behind() {
         }
         client.done(Command::Reset);
         if number == FIRST {
-            before = held(process.id());
+            before = resources(process.id());
         }
     }
-    let after = held(process.id());
-    // X-Val: 900 clients that leave a file, a thread or 50 kB each; the runtime's idle threads come and
-    // go, and memory is taken by the megabyte.
+    let after = resources(process.id());
+    // X-Val: 900 clients that leak a file, a thread or 50 kB each. The number of the runtime's idle
+    // threads varies, and memory is allocated by the megabyte.
     assert_eq!(after[0], before[0], "files: {before:?} {after:?}");
     assert!(after[1] < before[1] + 9, "threads: {before:?} {after:?}");
     assert!(after[2] < before[2] + 45_000, "{before:?} {after:?} kB");
     let mut client = process.udp_client().unpaced();
-    be_heard(&mut client);
+    connect(&mut client);
     frame(&mut client, 7);
     let ended = process.end_by("-TERM").exits(0);
     ended.prints(&["frames_delivered 80"]);

@@ -1,11 +1,11 @@
-//! Files that a command reads and writes: what is too long, has no end or no writer, and what must
+//! Files that a command reads and writes: too long files, pipes and devices, and files that must
 //! not be replaced.
 #![cfg(unix)]
 
 use crate::{EPOCH, Folder, Q, camera, render, repository_text, rows, still};
 use std::path::{Path, PathBuf};
 
-/// The head of a table of element sets, and a made-up set.
+/// The head of a table of element sets, and a synthetic set.
 pub const HEAD: &str = "OBJECT_NAME,OBJECT_ID,EPOCH,MEAN_MOTION,ECCENTRICITY,INCLINATION,RA_OF_ASC_NODE,ARG_OF_PERICENTER,\
                     MEAN_ANOMALY,NORAD_CAT_ID,BSTAR\n";
 pub const SET: &str = "2026-101A,2026-07-12T03:04:05,15.2,.001,51.6,120,90,270,5,0\n";
@@ -30,7 +30,7 @@ fn tree(folder: &Path) -> Vec<(PathBuf, Vec<u8>)> {
     files
 }
 
-/// Every option, and every key of a file, that takes a file.
+/// A command for every option, and every key of a file, that reads a file.
 fn readers(here: &Folder, file: &str) -> Vec<String> {
     let psf = camera("fai-nir", &[]);
     let (head, tail) = psf.split_once("[optics.psf]").unwrap();
@@ -78,16 +78,15 @@ fn readers(here: &Folder, file: &str) -> Vec<String> {
 }
 
 #[test]
-fn what_has_no_end_or_no_writer_or_is_no_file_is_refused_everywhere() {
+fn endless_input_idle_pipes_and_folders_are_refused_everywhere() {
     let here = Folder::new();
     here.pipe("pipe");
     std::fs::create_dir(here.join("empty")).unwrap();
-    // A hole that takes no room, longer than anything that is read.
+    // A sparse file, longer than any limit.
     let long = std::fs::File::create(here.join("long")).unwrap();
     std::io::Write::write_all(&mut &long, b"(           ").unwrap();
     long.set_len((2 << 30) + 1).unwrap();
-    // A folder stands for its files where files of orbits are read, and for its scene.toml where a
-    // scene is.
+    // A folder is valid for orbits (its files) and for a scene (its scene.toml).
     for (file, says) in rows(
         "/dev/zero | a device or a socket
          pipe      | nothing has come through this pipe for 10 s
@@ -95,7 +94,7 @@ fn what_has_no_end_or_no_writer_or_is_no_file_is_refused_everywhere() {
          missing   | No such file | cannot be opened | exists
          empty     | folder | directory | no usable | no object | scene.toml | no element set | no files",
     ) {
-        // Side by side: those that wait for a pipe only wait.
+        // In parallel: those on a pipe only wait.
         std::thread::scope(|scope| {
             for words in readers(&here, file) {
                 let (here, says) = (&here, &says);
@@ -135,7 +134,7 @@ fn a_long_configuration_is_refused_before_it_is_parsed() {
 }
 
 #[test]
-fn a_start_that_fails_leaves_earlier_files_alone() {
+fn a_failed_start_does_not_change_earlier_files() {
     let taken = std::net::UdpSocket::bind("127.0.0.1:0").unwrap();
     let taken = taken.local_addr().unwrap();
     let run = format!("[run]\nlink = \"udp://{taken}\"\n");
@@ -161,9 +160,9 @@ fn a_start_that_fails_leaves_earlier_files_alone() {
 }
 
 #[test]
-fn no_output_replaces_what_the_run_reads_or_writes_already() {
+fn no_output_replaces_an_input_or_another_output() {
     let orbit = repository_text("configs/scenes/rcm-2019-06-15/cassiope-B.oem");
-    // Behind lightcurve/ is a table of element sets with the name of a light curve's table.
+    // lightcurve/ has a table of element sets with the name of a light curve's table.
     let other = SET.replace("101A", "102A").replace(",5,0", ",6,0");
     let here = Folder::with(&[
         ("orbit.oem", &orbit),
@@ -187,7 +186,7 @@ fn no_output_replaces_what_the_run_reads_or_writes_already() {
     scene(&here, "run.toml", &format!("{observer}{run}"));
     let keys = "[observer]\norbit = \"lightcurve.csv:A\"\n[objects]\nfiles = [\"lightcurve.csv\"]";
     scene(&here, "lightcurve/scene.toml", keys);
-    let kept = tree(&here);
+    let before = tree(&here);
     let run = "run --config run.toml --timeout 0.1";
     for (words, says) in rows(&format!(
         "{run} --capture orbit.oem              | this run reads this file
@@ -208,12 +207,12 @@ fn no_output_replaces_what_the_run_reads_or_writes_already() {
         std::fs::create_dir_all(here.join("p")).unwrap();
         here.run(words).exits(1).says(&says);
         std::fs::remove_dir_all(here.join("p")).unwrap();
-        assert_eq!(tree(&here), kept, "{words}");
+        assert_eq!(tree(&here), before, "{words}");
     }
 }
 
 #[test]
-fn a_file_beside_those_of_a_run_that_skyloop_did_not_make_is_named() {
+fn a_foreign_file_in_the_output_folder_is_reported() {
     let here = Folder::new();
     here.run(&render("")).exits(0);
     here.write("o/frame_00007.fits", "mine");
@@ -222,8 +221,9 @@ fn a_file_beside_those_of_a_run_that_skyloop_did_not_make_is_named() {
 
 /// Names from files, from paths and from the command line, in tables, logs and errors.
 #[test]
-fn names_do_not_steer_the_terminal() {
-    // X-Val: ECMA-48: ESC [ 31 m turns letters red; Unicode Standard Annex 9: U+202E turns their order.
+fn names_do_not_control_the_terminal() {
+    // X-Val: ECMA-48: ESC [ 31 m sets red letters; Unicode Standard Annex 9: U+202E reverses their
+    // order.
     let evil = "E\u{1b}[31mVIL\u{9b}2J\u{202e}X";
     let bad = SET.replace(".001", "7").replace(",5,0", ",6,0");
     let here = Folder::with(&[
@@ -256,11 +256,11 @@ fn names_do_not_steer_the_terminal() {
         let text = format!("{}{}", ended.out, ended.log);
         let is_raw = text.contains(['\u{1b}', '\u{9b}', '\u{202e}']);
         assert!(!is_raw, "{words:?}: {text:?}");
-        // Quoted names have the escapes of Rust.
-        let told = text.contains("\\u202e") || text.contains("\\u{202e}");
-        assert!(told, "{words:?}: {text}");
+        // Quoted names have the escapes of JSON or Rust.
+        let is_escaped = text.contains("\\u202e") || text.contains("\\u{202e}");
+        assert!(is_escaped, "{words:?}: {text}");
     }
-    // The end of a line in a name makes no line of its own.
+    // A line break in a name does not start a new line.
     for words in [
         "camera check NAME",
         "camera new no/NAME --size 1x1",

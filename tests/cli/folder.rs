@@ -1,4 +1,4 @@
-//! A folder where a test runs the program, and checks of what it did.
+//! A folder where a test runs the program, and checks of the outcome.
 
 use crate::support::TIMEOUT;
 use crate::table::rows;
@@ -56,7 +56,7 @@ impl Folder {
         folder
     }
 
-    /// Writes a file, and makes the folder that it is in.
+    /// Writes a file and creates its folder.
     pub fn write(&self, name: &str, content: impl AsRef<[u8]>) {
         let file = self.join(name);
         std::fs::create_dir_all(file.parent().unwrap()).unwrap();
@@ -78,7 +78,7 @@ impl Folder {
         lines.map(Result::unwrap).collect()
     }
 
-    /// The files of the folder `name`, in order, with their contents.
+    /// The files of the folder `name` with their contents, sorted.
     pub fn contents(&self, name: &str) -> Vec<(String, Vec<u8>)> {
         let entries = std::fs::read_dir(self.join(name)).unwrap();
         let file = |entry: std::io::Result<std::fs::DirEntry>| {
@@ -104,19 +104,20 @@ impl Folder {
         assert!(made.unwrap().success());
     }
 
-    /// What `skyloop` does with the arguments in `words`, separated by blanks.
+    /// Runs `skyloop` with the arguments in `words`, separated by blanks.
     pub fn run(&self, words: &str) -> Outcome {
         self.run_args(&words.split_whitespace().collect::<Vec<_>>())
     }
 
-    /// What it does with these arguments.
+    /// Runs `skyloop` with these arguments.
     pub fn run_args(&self, args: &[&str]) -> Outcome {
         let mut command = Command::new(env!("CARGO_BIN_EXE_skyloop"));
         let command = command.args(args).current_dir(self).timeout(TIMEOUT * 3);
         Outcome::of(&args.join(" "), command.output().unwrap())
     }
 
-    /// Each row of a table (see [`rows`]), behind `before`, exits with `code` and writes its texts.
+    /// Asserts that each row of a table (see [`rows`]), after `before`, exits with `code` and
+    /// prints its texts.
     #[track_caller]
     pub fn runs(&self, before: &str, code: i32, table: &str) {
         for (words, says) in rows(table) {
@@ -126,8 +127,8 @@ impl Folder {
         }
     }
 
-    /// Each row of a table, behind `before`, is refused with its texts in one clear line. Nothing
-    /// is written into the folder `o`.
+    /// Asserts that each row of a table, after `before`, is refused with its texts in one line, and
+    /// that nothing is written into the folder `o`.
     #[track_caller]
     pub fn refuses(&self, before: &str, table: &str) {
         for (words, says) in rows(table) {
@@ -137,7 +138,7 @@ impl Folder {
         }
     }
 
-    /// What it does where no file may be longer than `blocks` blocks of 512 bytes.
+    /// Runs `skyloop` with a limit of `blocks` blocks of 512 bytes a file.
     pub fn run_limited(&self, blocks: u32, words: &str) -> Outcome {
         let mut shell = limited_shell(blocks);
         shell.args(words.split_whitespace()).current_dir(self);
@@ -145,16 +146,16 @@ impl Folder {
     }
 }
 
-/// A shell that becomes `skyloop` with the arguments that follow.
+/// A shell that sets the limit and executes `skyloop` with the arguments that follow.
 pub fn limited_shell(blocks: u32) -> std::process::Command {
     let mut shell = std::process::Command::new("sh");
-    // The signal that comes with the limit would kill the program.
+    // The limit's signal would kill the program.
     let script = format!("trap '' XFSZ; ulimit -f {blocks}; exec \"$0\" \"$@\"");
     shell.args(["-c", &script, env!("CARGO_BIN_EXE_skyloop")]);
     shell
 }
 
-/// What a command did: exit code, standard output and standard error.
+/// Outcome of a command: exit code, standard output and standard error.
 pub struct Outcome {
     words: String,
     pub code: Option<i32>,
@@ -185,7 +186,7 @@ impl Outcome {
         self
     }
 
-    /// Exits with 0 and logs nothing; what it prints.
+    /// Asserts exit code 0 and an empty log; returns standard output.
     #[track_caller]
     pub fn quiet(self) -> String {
         let ended = self.exits(0);
@@ -193,7 +194,7 @@ impl Outcome {
         ended.out
     }
 
-    /// Has each of these parts in one of its outputs.
+    /// Asserts that one of the outputs has each of these parts.
     #[track_caller]
     pub fn says(self, parts: &[&str]) -> Outcome {
         let is_said = |part: &&&str| self.out.contains(**part) || self.log.contains(**part);
@@ -214,7 +215,7 @@ impl Outcome {
         self
     }
 
-    /// Has this part in none of its outputs.
+    /// Asserts that no output has this part.
     #[track_caller]
     pub fn lacks(self, part: &str) -> Outcome {
         let is_said = self.out.contains(part) || self.log.contains(part);
@@ -222,15 +223,15 @@ impl Outcome {
         self
     }
 
-    /// Logs so many lines.
+    /// Asserts the number of lines in the log.
     #[track_caller]
     pub fn logs_lines(self, count: usize) -> Outcome {
         assert_eq!(self.log.lines().count(), count, "{}", self.all());
         self
     }
 
-    /// Code 2 for a wrong option, else 1, and behind warnings an error in one line. A wrong option names the help
-    /// in further lines, and several faults of a file have a line each.
+    /// Asserts code 2 for a wrong option, else 1, and after warnings an error in one line. A wrong
+    /// option adds lines on the help; several faults of a file have a line each.
     #[track_caller]
     fn is_refusal(&self) {
         let is_usage = self.log.contains("try '--help'");

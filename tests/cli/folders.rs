@@ -9,7 +9,7 @@ fn a_folder_stands_for_the_scene_in_it() {
     let file = format!("{folder}/scene.toml");
     let of_file = here.run(&format!("plan --scene {file}")).quiet();
     let of_folder = here.run(&format!("plan --scene {folder}")).quiet();
-    // Each names the scene as it was given.
+    // Each command names the scene as on its command line.
     assert_eq!(of_file.replace(&file, &folder), of_folder);
     let mut inside = assert_cmd::Command::new(env!("CARGO_BIN_EXE_skyloop"));
     let inside = inside.current_dir(&folder).args(["plan", "--scene", "."]);
@@ -18,7 +18,7 @@ fn a_folder_stands_for_the_scene_in_it() {
 }
 
 #[test]
-fn a_path_that_leads_to_no_scene_is_named_as_it_was_given() {
+fn a_path_without_a_scene_is_reported_as_given() {
     let here = Folder::new();
     std::fs::create_dir(here.join("inner")).unwrap();
     for (folder, file) in [

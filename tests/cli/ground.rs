@@ -1,5 +1,5 @@
-//! Where observers are: inside the Earth they are refused before anything is written, and Earth-fixed
-//! axes turn by UT1.
+//! Observers inside the Earth or the Moon are refused before anything is written. Earth-fixed axes
+//! turn by UT1.
 
 use crate::{EPOCH, Folder, Q, render, still, with_keys};
 use hifitime::{Epoch, Unit};
@@ -7,7 +7,7 @@ use nalgebra::Vector3;
 use skyloop::orbit::time::{parse_utc, utc_text};
 use skyloop::sky::bodies::Bodies;
 
-/// An ephemeris of 21 s from `start` on, a state a second: km and km/s at so many seconds.
+/// An ephemeris of 21 s from `start`, a state each second; `state` gives km and km/s at a time (s).
 fn oem(meta: &str, start: Epoch, state: impl Fn(i32) -> (Vector3<f64>, Vector3<f64>)) -> String {
     let utc = |s: i32| {
         let text = utc_text(start + Unit::Second * f64::from(s));
@@ -38,7 +38,7 @@ fn oem(meta: &str, start: Epoch, state: impl Fn(i32) -> (Vector3<f64>, Vector3<f
 const DIVER: &str =
     "OBJECT_NAME = DIVER\nREF_FRAME = GCRF\nINTERPOLATION = LAGRANGE\nINTERPOLATION_DEGREE = 5";
 
-/// A scene of so many frames, 1 s apart, seen from `diver.oem`.
+/// Renders a scene of so many frames, 1 s apart, seen from `diver.oem`.
 fn scene(here: &Folder, epoch: &str, frames: &str) -> crate::Outcome {
     let sequence = with_keys(&still(epoch), &[("frames", frames)]);
     here.write(
@@ -48,8 +48,7 @@ fn scene(here: &Folder, epoch: &str, frames: &str) -> crate::Outcome {
     here.run("render --scene scene.toml --out p")
 }
 
-/// An observer inside the Earth: by a state, and by an orbit that goes there in a later exposure of a
-/// scene.
+/// An observer inside the Earth: by a state, and by an orbit that enters it in a later exposure.
 #[test]
 fn an_observer_below_the_ground() {
     // X-Val: WGS84: the equator's radius is 6378.137 km, the pole's 6356.752 km.
@@ -60,7 +59,7 @@ fn an_observer_below_the_ground() {
         "below the ground",
         "6378.0 km",
     ]);
-    // 2 km a second downwards, from 6388 km: in the ground after 5 s.
+    // Descends by 2 km/s from 6388 km: below the ground after 5 s.
     let start = parse_utc("2019-06-15T23:35:00Z").unwrap();
     let falling = |s: i32| {
         let x = 6388.0 - 2.0 * f64::from(s);
@@ -78,8 +77,7 @@ fn an_observer_below_the_ground() {
     scene(&here, "2019-06-15T23:35:02Z", "2").exits(0);
 }
 
-/// On the Moon, by a state; and in it, by an orbit that falls there in a later exposure of a scene.
-/// Nothing is written.
+/// An observer inside the Moon: by a state, and by an orbit that enters it in a later exposure.
 #[test]
 fn an_observer_inside_the_moon() {
     // X-Val: IAU WGCCRE 2015: the Moon's mean radius is 1737.4 km.
@@ -105,7 +103,7 @@ fn an_observer_inside_the_moon() {
     assert!(!here.join("o").exists());
     at(1742.0).exits(0);
 
-    // Falling by 2 km a second from 1747 km: in the Moon after 5 s.
+    // Descends by 2 km/s from 1747 km: inside the Moon after 5 s.
     let falling = |s: i32| {
         let above = Vector3::new(0.0, 0.0, 1747.0 - 2.0 * f64::from(s));
         let by = moon_km(s + 1) - moon_km(s) - Vector3::new(0.0, 0.0, 2.0);
@@ -122,7 +120,7 @@ fn an_observer_inside_the_moon() {
     assert!(!here.join("p").exists());
 }
 
-/// UT1 - UTC turns Earth-fixed states; the option and the file's comment give it alike.
+/// UT1 - UTC turns Earth-fixed states. The option and the file's comment have the same effect.
 #[test]
 fn ut1_utc_comes_from_the_option_or_the_file() {
     let here = Folder::new();
@@ -153,13 +151,13 @@ fn ut1_utc_comes_from_the_option_or_the_file() {
     let (by_option, warns) = render("plain.oem", "--ut1-utc -0.1634");
     assert!(!warns);
     assert_eq!(by_option, render("given.oem", "--ut1-utc 0.5").0);
-    // X-Val: the Earth turns by 7.292115e-5 rad a second (IERS Conventions 2010, table 1.2); the axis of
-    // 7000.4 km is its own to 0.2 %.
+    // X-Val: the Earth turns by 7.292115e-5 rad/s (IERS Conventions 2010, table 1.2); 7000.4 km is
+    // the distance from its axis to 0.2 %.
     let moved_km = (by_option - unknown).norm();
     let expected_km = 7.292115e-5 * 0.1634 * 7000.4;
     assert!((moved_km / expected_km - 1.0).abs() < 2e-3, "{moved_km}");
-    // The option is of the file's first START_TIME, whatever lies between: a leap second later
-    // (2016-12-31) UT1 - UTC is 1 s more.
+    // The option holds at the file's first START_TIME: after a leap second (2016-12-31) UT1 - UTC
+    // is 1 s more.
     let earlier = message_at("2016-12-31T23:00", "").replace("2026-001A", "2016-001A");
     let later = render("plain.oem", "--ut1-utc 0").0;
     let set = crate::catalog::VANGUARD;
@@ -173,12 +171,12 @@ fn ut1_utc_comes_from_the_option_or_the_file() {
         let off = (both - expected).norm();
         assert!(off < 1e-9, "{between} {option}: {both} {expected}");
     }
-    // A file or a segment that does not use UT1 has no use for it.
+    // A file or a segment without UT1 does not use the option.
     let inertial = earlier.replace("ITRF2014", "GCRF");
     here.write("both.oem", format!("{inertial}{}", message("")));
     let both = render("both.oem:2026-001A", "--ut1-utc 0.5").0;
     assert_eq!(both, render("plain.oem", "--ut1-utc 0.5").0);
-    // 0.5 s there would be 1.5 s here, which UT1 - UTC never is.
+    // 0.5 s at the first START_TIME would be 1.5 s here, out of the range of UT1 - UTC.
     here.write("both.oem", format!("{earlier}{}", message("")));
     let says =
         "with the leap seconds since it is 1.5 s here, beyond -1 to 1 s; give COMMENT UT1-UTC";

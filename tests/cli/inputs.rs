@@ -1,4 +1,4 @@
-//! Wrong inputs: one clear line each, that names what, where and the remedy; nothing is written.
+//! Wrong inputs: one line each with the fault, its position and the remedy; nothing is written.
 
 use crate::{EPOCH, Folder, Outcome, Q, STATE, camera, repository};
 use std::net::UdpSocket;
@@ -36,7 +36,7 @@ fn folder() -> Folder {
     here
 }
 
-/// Each row of the table is refused; `before` comes before its command line.
+/// Asserts that each row of the table, after `before`, is refused.
 #[track_caller]
 fn refuses(before: &str, table: &str) {
     folder().refuses(before, table);
@@ -64,8 +64,8 @@ fn attitudes_and_epochs() {
     );
 }
 
-/// Refused before the folder is touched, even where only the camera's exposure makes it too much:
-/// it turns 900 deg in 0.1 s, or has come through the ground within the 1700 s before.
+/// Refused before the folder is written, even if only the camera's exposure exceeds the limit: a
+/// turn by 900 deg in 0.1 s, or a path through the ground in the 1700 s before.
 #[test]
 fn rates_and_states() {
     refuses(
@@ -193,7 +193,7 @@ fn links() {
     );
 }
 
-/// Privileges matter to ports and not to root; a device of another kind is refused to everybody.
+/// Permissions of ports do not apply to root; devices of another kind are always refused.
 #[test]
 #[cfg(unix)]
 fn serial_ports() {
@@ -215,13 +215,13 @@ fn serial_ports() {
     );
 }
 
-/// Root may open everything: then the program runs as another user.
+/// Root may open every port, so the program runs as another user.
 #[test]
 #[cfg(unix)]
 fn a_port_that_is_not_permitted() {
     use std::os::unix::fs::{MetadataExt, PermissionsExt};
     use std::os::unix::process::CommandExt;
-    const NOBODY: u32 = 65_534;
+    const OTHER_USER: u32 = 65_534;
     let here = Folder::with(&[("seed.toml", "seed = 1\n")]);
     let (_near, far) = serialport::TTYPort::pair().unwrap();
     let device = serialport::SerialPort::name(&far).unwrap();
@@ -231,7 +231,7 @@ fn a_port_that_is_not_permitted() {
     permit(device.as_ref(), 0o000);
     permit(&here, 0o755);
     let program = here.join("skyloop");
-    // The other user may have no access to the folder of the original.
+    // The other user may lack access to the original's folder.
     let built = env!("CARGO_BIN_EXE_skyloop");
     std::fs::hard_link(built, &program)
         .or_else(|_| std::fs::copy(built, &program).map(drop))
@@ -241,7 +241,7 @@ fn a_port_that_is_not_permitted() {
     command.args(["run", "--config", "seed.toml", "--link", &link]);
     command.current_dir(&here);
     if here.metadata().unwrap().uid() == 0 {
-        command.uid(NOBODY).gid(NOBODY);
+        command.uid(OTHER_USER).gid(OTHER_USER);
     }
     let refused = Outcome::of(&link, command.output().unwrap());
     refused
@@ -252,7 +252,7 @@ fn a_port_that_is_not_permitted() {
 
 #[test]
 fn buses() {
-    // A kernel without CAN says that, one with CAN misses the interface.
+    // A kernel without CAN reports that; a kernel with CAN reports the missing interface.
     let remedy = match std::path::Path::new("/proc/net/can").exists() {
         true => "ip link add dev nosuchcan0 type vcan",
         false => "use slcan",

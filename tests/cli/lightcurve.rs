@@ -1,4 +1,4 @@
-//! `skyloop lightcurve`: what it writes, and what it refuses.
+//! `skyloop lightcurve`: its output, and refused inputs.
 
 use crate::fixtures::{self, Frames};
 use crate::oem::oem_text;
@@ -13,7 +13,7 @@ fn shipped(scene: &str) -> String {
     format!("--scene {}", repository(&format!("configs/scenes/{scene}")))
 }
 
-/// The light curve of the shipped rocket body that tumbles, with more options, into the folder `o`.
+/// The light curve of the shipped tumbling rocket body, with more options, in the folder `o`.
 fn rocket(here: &Folder, options: &str) -> Outcome {
     let scene = shipped("tumbling-rocket-body");
     let ended = here.run(&format!(
@@ -42,7 +42,7 @@ fn a_table_and_a_picture_are_written_and_nothing_is_removed() {
     assert_eq!(rows.len(), 81);
     assert_eq!(rows[0][..2], ["2026-06-01T00:33:00.000Z", "0.000000"]);
     assert_eq!(rows[80][..2], ["2026-06-01T00:33:20.000Z", "20.000000"]);
-    // It tumbles: brighter and fainter by more than range and phase explain, in flashes.
+    // The brightness of a tumbling body varies by more than range and phase explain, in flashes.
     let mags: Vec<f64> = rows.iter().map(|row| row[2].parse().unwrap()).collect();
     let least = mags.iter().copied().fold(f64::MAX, f64::min);
     let span = mags.iter().copied().fold(f64::MIN, f64::max) - least;
@@ -52,7 +52,7 @@ fn a_table_and_a_picture_are_written_and_nothing_is_removed() {
     }
     let curve = points(&here.read("o/lightcurve.svg"));
     assert_eq!(curve.len(), rows.len());
-    // From left to right, and the brightest row is the highest point (several may share its pixel).
+    // Points run from left to right; the brightest row is the highest point (rows may share it).
     assert!(curve.is_sorted_by_key(|at| at[0]), "{curve:?}");
     let highest = curve.iter().map(|at| at[1]).min().unwrap();
     let brightest = (0..mags.len()).min_by(|i, j| mags[*i].total_cmp(&mags[*j]));
@@ -72,9 +72,9 @@ fn points(plot: &str) -> Vec<[i32; 2]> {
     points.collect()
 }
 
-/// The picture of `docs/how-to/passes.md` is this one; a platform may put a point a pixel beside.
+/// The plot in `docs/how-to/passes.md` is current, to one pixel for other platforms.
 #[test]
-fn the_documents_show_what_is_drawn() {
+fn the_plot_of_the_guide_is_current() {
     let here = Folder::new();
     rocket(&here, "--step 0.05");
     let plots = [
@@ -96,10 +96,9 @@ fn the_documents_show_what_is_drawn() {
     );
 }
 
-/// The light curve and the labels of the same exposures agree: of a sphere, and of a body that
-/// tumbles.
+/// Light curve and labels of the same exposures agree, for a sphere and for a tumbling body.
 #[test]
-fn it_says_what_labels_say() {
+fn light_curves_agree_with_labels() {
     let here = Folder::new();
     here.run("lightcurve --object RCM-2 --out o").exits(0);
     is_labelled(&here, "RCM-2", Config::builtin().unwrap());
@@ -130,7 +129,7 @@ fn is_labelled(here: &Folder, name: &str, config: Config) {
 }
 
 #[test]
-fn what_is_hidden_has_a_reason_and_no_magnitude_that_arrives() {
+fn hidden_objects_have_a_reason_and_no_received_magnitude() {
     let here = Folder::new();
     let scene = repository("configs/scenes/geo-belt-stare");
     let head = [
@@ -155,12 +154,12 @@ fn what_is_hidden_has_a_reason_and_no_magnitude_that_arrives() {
     )]);
 }
 
-/// An observer on a straight path from a place (km, km/s) at noon, and another object on it: the
-/// light curve from noon to some other time.
-fn on_one_path(here: &Folder, place: [f64; 3], velocity: [f64; 3], to: &str) -> Outcome {
+/// An observer and another object on the same straight path from a position (km, km/s) at noon: the
+/// light curve from noon to another time.
+fn on_one_path(here: &Folder, position: [f64; 3], velocity: [f64; 3], to: &str) -> Outcome {
     let mid = parse_utc("2026-03-01T12:00:00").unwrap();
-    let [place, velocity] = [place, velocity].map(Vector3::from);
-    let text = oem_text("EYE", mid, |t| (place + velocity * t, velocity));
+    let [position, velocity] = [position, velocity].map(Vector3::from);
+    let text = oem_text("EYE", mid, |t| (position + velocity * t, velocity));
     let scene = "[observer]\norbit = \"eye.oem\"\n[objects]\nfiles = [\"twin.oem\"]\n";
     here.write("eye.oem", &text);
     here.write("twin.oem", text.replace("EYE", "TWIN"));
@@ -192,7 +191,7 @@ fn the_observer_itself_reflects_nothing_to_itself() {
     curve("09").exits(0);
 }
 
-/// An observer that sinks by 2 km a second.
+/// An observer that descends by 2 km/s.
 #[test]
 fn an_observer_below_the_ground_is_refused() {
     let here = Folder::new();
@@ -204,7 +203,7 @@ fn an_observer_below_the_ground_is_refused() {
 
 /// `TUMBLING` are the options of the rocket body.
 #[test]
-fn wrong_input_says_what_to_do() {
+fn wrong_inputs_are_refused_with_a_remedy() {
     let scene = shipped("tumbling-rocket-body/scene.toml");
     let table = "
         SCENE --object ISS | --object ISS: no object called | NORAD 99002 (ROCKET BODY)

@@ -1,9 +1,9 @@
-//! The binary: what it makes, and what it says of wrong inputs.
+//! The binary: its outputs, and its messages for wrong inputs.
 
 mod attitude_files;
-mod beside;
 mod catalog;
 mod cost;
+mod docked;
 mod drills;
 mod files;
 #[path = "../support/fixtures.rs"]
@@ -57,7 +57,7 @@ fn still(epoch: &str) -> String {
     )
 }
 
-/// The text with `key = value` in place of each of these keys' lines.
+/// The text with the line of each of these keys replaced by `key = value`.
 fn with_keys(text: &str, keys: &[(&str, &str)]) -> String {
     let line = |line: &str| {
         let key = line.split(' ').next().unwrap();
@@ -73,7 +73,7 @@ fn with_keys(text: &str, keys: &[(&str, &str)]) -> String {
     text.lines().map(line).collect()
 }
 
-/// A camera that is built in, with other values of these keys.
+/// A built-in camera with other values of these keys.
 fn camera(name: &str, keys: &[(&str, &str)]) -> String {
     with_keys(
         &repository_text(&format!("configs/cameras/{name}.toml")),

@@ -5,7 +5,7 @@ use skyloop::link::LINKS;
 
 #[test]
 fn loopback_over_each_link_writes_the_frames_of_render_and_a_table() {
-    // The kernel that `tests/vcan/run` boots has CAN; this one need not.
+    // CAN interfaces are tested by `tests/vcan/run`, whose kernel has CAN.
     let links = LINKS.iter().map(|link| link.scheme);
     let links: Vec<&str> = links.filter(|scheme| *scheme != "can").collect();
     let scene = "rcm-2019-06-15/scene.toml";
@@ -15,7 +15,7 @@ fn loopback_over_each_link_writes_the_frames_of_render_and_a_table() {
         "fai-nir",
         "RSOs labelled                     6",
     );
-    // Rows exposed in turn, a fixed pattern: the same bytes whatever carries them.
+    // A rolling shutter and fixed-pattern noise: the same bytes on each link.
     let none = "RSOs labelled                     0";
     same_over(
         &["memory", "udp"],
@@ -25,8 +25,8 @@ fn loopback_over_each_link_writes_the_frames_of_render_and_a_table() {
     );
 }
 
-/// Two frames of a scene over each of these links are the files that `render` writes, byte for byte,
-/// and the table names the camera and has `row`.
+/// Asserts that two frames of a scene over each of these links equal the files of `render`, and
+/// that the table names the camera and has `row`.
 fn same_over(links: &[&str], scene: &str, camera: &str, row: &str) {
     let here = Folder::new();
     let scene = repository(&format!("configs/scenes/{scene}"));
@@ -54,10 +54,10 @@ fn same_over(links: &[&str], scene: &str, camera: &str, row: &str) {
     assert_eq!(here.names("offline"), expected);
 }
 
-/// A detector of 4096 cm^2 for 100 s: 1.8 particles a square centimetre and second far from the
-/// Earth's field are seven times the most.
+/// A detector of 4096 cm^2 for 100 s: 1.8 particles/(cm^2 s) far from the Earth's field are seven
+/// times the limit.
 #[test]
-fn particles_that_are_too_many_are_warned_of_once() {
+fn too_many_particles_cause_one_warning() {
     let large = [
         ("focal_length_mm", "5000.0"),
         ("principal_px", "[319.5, 319.5]"),
@@ -86,13 +86,13 @@ fn render_twice_gives_the_same_bytes_and_another_seed_another_noise() {
         here.run(&render).exits(0);
     }
     assert!(here.contents("one") == here.contents("two"));
-    // The picture has the pixels alone; the seed in the header tells any two FITS apart.
+    // PNG files have only pixels; FITS files of other seeds differ in their header anyway.
     let picture = |out: &str| std::fs::read(here.join(out).join("frame_00000.png")).unwrap();
     assert!(picture("one") != picture("seed"));
 }
 
 #[test]
-fn an_object_in_two_files_is_shown_once_and_said_so() {
+fn an_object_in_two_files_is_rendered_once_with_a_notice() {
     let oem = |name: &str| repository(&format!("configs/scenes/rcm-2019-06-15/{name}-B.oem"));
     let (orbit, object) = (oem("cassiope"), oem("rcm-2"));
     let words = render(&format!("--orbit {orbit} --rso {object} --rso {object}"));
@@ -116,7 +116,7 @@ fn without_noise_the_expected_electrons_are_written_too() {
     }
 }
 
-/// A made-up element set, with its checksums.
+/// A synthetic element set with its checksums.
 fn elements(number: u32) -> [String; 2] {
     [
         format!("1 {number}U 19001A   19166.50000000  .00000100  00000-0  10000-4 0  999"),
@@ -137,7 +137,7 @@ fn a_bad_checksum_is_reported_with_file_and_line_and_the_rest_loads() {
     let here = Folder::with(&[("sky.tle", &format!("{a1}\n{damaged}\n{b1}\n{b2}\n"))]);
     let ended = here.run(&render(&format!("--state {STATE} --rso sky.tle")));
     let ended = ended.exits(0).logs(&["sky.tle:2: ", "checksum"]);
-    // The other one is sound.
+    // The other set is valid.
     assert!(!ended.log.contains("90002"), "{}", ended.log);
 
     here.write("sky.tle", format!("{a1}\n{damaged}\n"));

@@ -1,5 +1,4 @@
-//! Element sets of another time than the exposure's: one warning, from every command that shows
-//! objects.
+//! Element sets far from the time of exposure: one warning, by every command with objects.
 
 use crate::{Folder, has, still};
 
@@ -14,7 +13,7 @@ fn warnings(here: &Folder, words: &str) -> Vec<String> {
 }
 
 #[test]
-fn one_warning_tells_of_old_elements_and_one_of_the_observers() {
+fn old_elements_of_objects_and_observer_cause_one_warning_each() {
     let here = Folder::new();
     let scene = |epoch: &str, keys: &[(&str, &str)]| {
         here.write(

@@ -1,11 +1,12 @@
-//! A frame without a scene file: the example of `docs/how-to/render.md`, and where `--radec` and `--nadir` look.
+//! A frame without a scene file: the example of `docs/how-to/render.md`, and the directions of
+//! `--radec` and `--nadir`.
 
 use crate::{EPOCH, Folder, STATE, camera};
 use nalgebra::Vector3;
 use serde_json::Value;
 
 #[test]
-fn the_example_of_the_guide_prints_what_it_says() {
+fn the_example_of_the_guide_has_its_output() {
     let here = Folder::new();
     let guide = include_str!("../../docs/how-to/render.md");
     let (_, rest) = guide.split_once("Here the catalogue is made up").unwrap();
@@ -41,11 +42,11 @@ fn axis(label: &Value, row: usize) -> Vector3<f64> {
 }
 
 #[test]
-fn the_boresight_is_where_radec_says_whatever_the_mounting() {
+fn the_boresight_has_the_direction_of_radec_for_any_mounting() {
     let turned = "\n[mounting]\nq_body_to_camera = [0.5, 0.5, 0.5, 0.5]\n";
     let here = Folder::with(&[("turned.toml", &(camera("fai-nir", &[]) + turned))]);
-    // X-Val: by hand: the direction of that right ascension and declination, north and east of it; up is
-    // 30 deg from north, through east.
+    // X-Val: by hand: the direction of that right ascension and declination, with its north and
+    // east; up is 30 deg from north towards east.
     let [ra, dec, roll] = [248.112_f64, 9.215, 30.0].map(f64::to_radians);
     let boresight = Vector3::new(dec.cos() * ra.cos(), dec.cos() * ra.sin(), dec.sin());
     let north = Vector3::new(-dec.sin() * ra.cos(), -dec.sin() * ra.sin(), dec.cos());
@@ -64,7 +65,7 @@ fn the_boresight_is_where_radec_says_whatever_the_mounting() {
 }
 
 #[test]
-fn nadir_is_where_the_earth_is_in_every_frame_and_x_goes_ahead() {
+fn nadir_points_to_the_earth_with_x_ahead_in_every_frame() {
     let here = Folder::new();
     let vehicle = format!("--epoch {EPOCH} --state {STATE} --nadir");
     here.run(&format!("render {vehicle} --frames 2 --period 60 --out o"))
@@ -75,8 +76,8 @@ fn nadir_is_where_the_earth_is_in_every_frame_and_x_goes_ahead() {
         let state = vector(&label["state_gcrf_km"]);
         let [position, velocity] =
             [0, 3].map(|first| Vector3::from_column_slice(&state[first..first + 3]));
-        // X-Val: by hand: +Y against the orbit's normal r x v, +X perpendicular to both, to where the
-        // velocity is.
+        // X-Val: by hand: +Y against the orbit's normal r x v, +X perpendicular to both, towards
+        // the velocity.
         let (z, y) = (-position.normalize(), velocity.cross(&position).normalize());
         let x = y.cross(&z);
         assert!(x.dot(&velocity) > 0.99 * velocity.norm());
@@ -88,7 +89,7 @@ fn nadir_is_where_the_earth_is_in_every_frame_and_x_goes_ahead() {
 }
 
 #[test]
-fn ways_to_point_exclude_each_other() {
+fn pointing_options_exclude_each_other() {
     Folder::new().refuses(
         &format!("render --epoch {EPOCH} --out o"),
         "--nadir --radec 0,0,0 | cannot be used with

@@ -1,10 +1,10 @@
-//! Folders that hold more than orbits, and files that cannot be opened.
+//! Folders with other files than orbits, and files that cannot be opened.
 
 use crate::Folder;
 use crate::catalog::{DELTA, VANGUARD, scene};
 
 #[test]
-fn the_folder_of_a_population_holds_nothing_that_is_refused() {
+fn all_files_of_a_population_folder_are_accepted() {
     let here = Folder::with(&[("delta.3le", DELTA), ("scene.toml", &scene("\"pop\""))]);
     here.run("catalog synth --objects 300 --out pop").exits(0);
     here.run("catalog check pop --strict").exits(0).prints(&[
@@ -16,10 +16,10 @@ fn the_folder_of_a_population_holds_nothing_that_is_refused() {
         .lacks("refused");
 }
 
-/// A pipe would be waited for without end, a device may have none.
+/// Reading a pipe may block, reading a device may not end.
 #[test]
 #[cfg(unix)]
-fn what_is_no_file_in_a_folder_is_passed_over_and_a_file_of_no_use_is_not() {
+fn special_files_in_a_folder_are_skipped_and_invalid_files_reported() {
     use std::os::unix::fs::symlink;
     let here = Folder::with(&[
         ("delta.3le", DELTA),
@@ -41,7 +41,7 @@ fn what_is_no_file_in_a_folder_is_passed_over_and_a_file_of_no_use_is_not() {
         .exits(0)
         .logs(&[passed]);
 
-    // A link that leads nowhere, and a table without a line, are losses.
+    // A broken link and a table without rows are reported.
     symlink("nowhere", here.join("orbits/gone")).unwrap();
     here.write("orbits/none.csv", "NORAD_CAT_ID,EPOCH,MEAN_MOTION\n");
     let check = here.run("catalog check orbits --strict").exits(1);
@@ -55,7 +55,7 @@ fn what_is_no_file_in_a_folder_is_passed_over_and_a_file_of_no_use_is_not() {
 }
 
 #[test]
-fn a_file_that_is_named_and_cannot_be_opened_is_an_error() {
+fn a_named_file_that_cannot_be_opened_is_an_error() {
     let here = Folder::with(&[("good.tle", VANGUARD), ("readme", "Nothing that moves.\n")]);
     let check = here.run("catalog check good.tle none").exits(1);
     check
@@ -64,13 +64,13 @@ fn a_file_that_is_named_and_cannot_be_opened_is_an_error() {
     let refused = here.run("catalog info good.tle none").exits(1);
     assert_eq!(refused.out, "");
     refused.logs(&["cannot read the orbit file none"]);
-    // One that is no orbit file can be opened, and is refused.
+    // A file without orbits can be opened, and is refused.
     let report = here.run("catalog check --json good.tle readme").exits(0);
     assert_eq!(report.json()["unusable"], 1);
 }
 
 #[test]
-fn help_of_catalog_speaks_of_no_scene() {
+fn help_of_catalog_does_not_mention_scenes() {
     let help = Folder::new().run("catalog info --help");
     help.prints(&["--strict"]).lacks("scene");
 }
@@ -88,7 +88,7 @@ fn hours(id: &str) -> String {
     ephemeris("V", id, "2006-06-25T21:00:00")
 }
 
-/// Lines are those of the whole file, at META_START, whatever comes before.
+/// Line numbers count from the start of the file and are those of META_START.
 #[test]
 fn a_refused_orbit_of_a_joined_file_has_its_line() {
     let first = hours("58002B");
@@ -136,7 +136,7 @@ fn check_refuses_what_a_scene_refuses() {
 }
 
 #[test]
-fn a_record_that_links_two_others_makes_one_object_of_them_for_every_command() {
+fn a_record_that_identifies_two_others_joins_them_in_every_command() {
     let csv = |number: u32, designator: &str, day: u32| {
         format!(
             "OBJECT_ID,EPOCH,MEAN_MOTION,ECCENTRICITY,INCLINATION,RA_OF_ASC_NODE,ARG_OF_PERICENTER,MEAN_ANOMALY,NORAD_CAT_ID,\

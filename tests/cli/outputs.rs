@@ -1,5 +1,4 @@
-//! Everything that a command writes: one rule for all outputs, and a table of them that no new one
-//! escapes.
+//! All outputs of commands follow one rule, and the table of them is complete.
 #![cfg(unix)]
 
 use crate::support::always;
@@ -7,8 +6,7 @@ use crate::{EPOCH, Folder, has};
 use std::collections::BTreeSet;
 use std::time::{Duration, Instant};
 
-/// Every option and argument of every command whose value is a path: behind the command those that are
-/// read, and those that are written.
+/// Every option and argument with a path: command, inputs, outputs.
 const PATHS: &str = "
     loopback        | --scene --faults                 | --out --junit --fault-log --capture
     run             | --config --faults                | --ready-file --fault-log --capture
@@ -27,7 +25,7 @@ const PATHS: &str = "
     replay          | <FILE> --config --scene          |
     man             |                                  | [DIR]";
 
-/// Each command with its paths, those that are read and those that are written.
+/// Each command with its inputs and outputs.
 fn paths() -> impl Iterator<Item = (&'static str, [Vec<&'static str>; 2])> {
     let lines = PATHS.lines().filter(|line| !line.is_empty());
     lines.map(|line| {
@@ -40,18 +38,18 @@ fn paths() -> impl Iterator<Item = (&'static str, [Vec<&'static str>; 2])> {
     })
 }
 
-/// How a command writes one of its outputs, and the file that it writes.
+/// A command that writes one of its outputs, and the file of the output.
 struct Case {
     command: String,
     option: String,
     words: String,
     file: String,
-    /// Whether an earlier file of its own is replaced without --force.
+    /// Whether an earlier file of skyloop is replaced without --force.
     is_recognised: bool,
 }
 
 impl Case {
-    /// A folder with its inputs, and one for its file, which is not there yet.
+    /// A folder with its inputs, and a folder for its file, which does not exist yet.
     fn folder(&self) -> Folder {
         let here = folder();
         std::fs::create_dir_all(here.join(&self.file).parent().unwrap()).unwrap();
@@ -114,7 +112,7 @@ fn folder() -> Folder {
     ])
 }
 
-/// What a command's help lists: its subcommands, and the options and arguments that take a path.
+/// From a command's help: its subcommands, and its options and arguments with a path.
 fn listed(here: &Folder, command: &str) -> (Vec<String>, Vec<String>) {
     let help = here.run(&format!("{command} --help")).out;
     let (mut subcommands, mut paths, mut section) = (Vec::new(), Vec::new(), "");
@@ -138,7 +136,7 @@ fn listed(here: &Folder, command: &str) -> (Vec<String>, Vec<String>) {
             _ => {}
         }
     }
-    // Arguments that are no paths: a shell, a kind of schema.
+    // Arguments without a path: a shell, a kind of schema.
     paths.retain(|path| !["<SHELL>", "<KIND>", "[COMMAND]"].contains(&path.as_str()));
     (subcommands, paths)
 }
@@ -161,7 +159,7 @@ fn every_path_of_the_command_line_is_in_the_table_and_every_output_has_a_case() 
     assert_eq!(found, table.collect());
     let cases = cases().into_iter();
     let of_cases: BTreeSet<_> = cases.map(|case| (case.command, case.option)).collect();
-    // tests/cli/pty.rs has the cases of pseudo-terminals, which are links to devices and no files.
+    // tests/cli/pty.rs tests pseudo-terminals, which are links to devices.
     let written = paths().filter(|(command, _)| *command != "pty");
     let outputs = written.flat_map(|(command, [_, outputs])| {
         let outputs = outputs.into_iter();
@@ -171,7 +169,7 @@ fn every_path_of_the_command_line_is_in_the_table_and_every_output_has_a_case() 
 }
 
 #[test]
-fn files_of_other_programs_are_replaced_by_force_only() {
+fn foreign_files_are_replaced_only_with_force() {
     for case in cases() {
         let (here, words) = (case.folder(), &case.words);
         here.write(&case.file, "mine");
@@ -185,7 +183,7 @@ fn files_of_other_programs_are_replaced_by_force_only() {
         assert!(is_alone, "{words}: others are written");
         here.run(&format!("{words} --force")).lacks("--force");
         let replaced = std::fs::read(here.join(&case.file));
-        // A ready file is removed at the end.
+        // A ready file is removed at the end of the run.
         assert!(replaced.is_err() || replaced.unwrap() != b"mine", "{words}");
         let again = here.run(words).all();
         let is_refused = again.replace(words, "").contains("--force");
@@ -193,10 +191,10 @@ fn files_of_other_programs_are_replaced_by_force_only() {
     }
 }
 
-/// Files that a command writes beside the one that its case names.
+/// Further files that a command writes in the folder of the named one.
 #[test]
-fn files_beside_the_named_one_are_replaced_by_force_only_too() {
-    // Element sets have no room for a mark: those of a population go by its own.
+fn further_output_files_are_replaced_only_with_force() {
+    // Element sets have no room for a mark; the mark of their population applies.
     let is_marked = |name: &&String| {
         let marked = [".png", ".svg", ".fits", ".csv", ".jsonl", ".1"];
         marked.iter().any(|end| name.ends_with(end))
@@ -231,7 +229,7 @@ fn files_beside_the_named_one_are_replaced_by_force_only_too() {
 }
 
 #[test]
-fn pipes_that_nothing_reads_do_not_hold_a_command_up() {
+fn unread_pipes_do_not_block_a_command() {
     for case in cases() {
         let here = case.folder();
         here.pipe(&case.file);
@@ -267,9 +265,9 @@ fn devices_and_standard_output_are_written() {
     assert!(!here.join("-").exists());
 }
 
-/// A run that fails before it has measured anything: its file `x`, and what this says.
+/// A run that fails before its first measurement: its file `x`, and the texts of the file.
 #[test]
-fn verdicts_of_a_run_that_fails_early_have_its_error_and_the_checks() {
+fn verdicts_of_an_early_failure_have_the_error_and_the_checks() {
     for (words, says) in crate::rows(
         "loopback --scene bad.toml --max-missed 3 --junit x
          | seed | <testcase name=\"missed\" | missed: not checked, the run failed

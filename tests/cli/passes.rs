@@ -1,4 +1,4 @@
-//! `skyloop passes`: the table, CSV and JSON of the built-in scene, and what it says of wrong inputs.
+//! `skyloop passes`: the table, CSV and JSON of the built-in scene, and messages for wrong inputs.
 
 use crate::{Folder, STATE, has, repository};
 use serde_json::Value;
@@ -18,7 +18,7 @@ fn mag(value: &Value) -> f64 {
     value["band_mag"].as_f64().unwrap()
 }
 
-/// Place and magnitude of a pass's end are those of the label's object.
+/// Asserts that position and magnitude of a pass's end are those of the label's object.
 fn is_labelled(end: &Value, object: &Value) {
     for (axis, key) in [(0, "x_px"), (1, "y_px")] {
         let off = end["place_px"][axis].as_f64().unwrap() - object[key].as_f64().unwrap();
@@ -39,7 +39,7 @@ fn the_three_satellites_of_the_built_in_scene_are_in_the_field_all_the_time() {
     let json = passes(&here, "");
     let rows = listed(&json["passes"]);
     assert_eq!(rows.len(), 3);
-    // The first exposure's label has the object where the pass begins.
+    // The label of the first exposure has the object's position at the start of the pass.
     let scene = repository("configs/scenes/rcm-2019-06-15/scene.toml");
     here.run(&format!("render --scene {scene} --frames 1 --out frames"))
         .exits(0);
@@ -61,7 +61,7 @@ fn the_three_satellites_of_the_built_in_scene_are_in_the_field_all_the_time() {
 }
 
 #[test]
-fn a_limit_of_magnitude_leaves_out_and_says_how_many() {
+fn a_magnitude_limit_excludes_objects_and_reports_their_number() {
     let here = Folder::new();
     let expected = "0 passes of 3 objects from 2019-06-15T23:35:50.000Z to 2019-06-15T23:36:14.500Z, 3 more stay fainter than --mag-limit\n";
     assert_eq!(here.run("passes --mag-limit 0").exits(0).out, expected);
@@ -72,7 +72,7 @@ fn a_limit_of_magnitude_leaves_out_and_says_how_many() {
 }
 
 #[test]
-fn wrong_inputs_are_named_with_what_helps() {
+fn wrong_inputs_are_refused_with_a_remedy() {
     let here = made_up(20);
     here.write("bare.toml", "seed = 1\n");
     let times = "--from 2026-01-01T00:00:00Z --to 2026-01-01T00:01:00Z";
@@ -99,7 +99,7 @@ fn wrong_inputs_are_named_with_what_helps() {
     );
 }
 
-/// A made-up catalogue of so many objects, and a scene of it, seen from its first.
+/// A synthetic catalogue of so many objects, and a scene of it, seen from the first object.
 fn made_up(objects: u32) -> Folder {
     let scene = "camera = \"fai-nir\"\n[observer]\norbit = \"my.3le:130001\"\n[objects]\nfiles = [\"my.3le\"]\n";
     let here = Folder::with(&[("scene.toml", scene)]);
@@ -109,7 +109,7 @@ fn made_up(objects: u32) -> Folder {
 }
 
 #[test]
-fn who_is_in_the_field_and_where_is_what_frames_have() {
+fn passes_agree_with_the_labels_of_frames() {
     let here = made_up(2000);
     let ends = ["2026-06-01T00:00:00Z", "2026-06-01T00:01:00Z"];
     let times = format!("--from {} --to {}", ends[0], ends[1]);
@@ -132,7 +132,7 @@ fn who_is_in_the_field_and_where_is_what_frames_have() {
         assert!(rows.clone().count() > 5);
         for row in rows {
             match seen.iter().position(|one| one["id"] == row["id"]) {
-                Some(place) => is_labelled(&row[key], seen.swap_remove(place)),
+                Some(index) => is_labelled(&row[key], seen.swap_remove(index)),
                 None => assert!(row[key]["band_mag"].is_null(), "{row}"),
             }
         }
@@ -141,7 +141,7 @@ fn who_is_in_the_field_and_where_is_what_frames_have() {
 }
 
 #[test]
-fn the_table_has_the_day_where_a_stay_has_several_and_no_name_twice() {
+fn the_table_has_dates_only_over_several_days_and_unique_columns() {
     let here = made_up(300);
     let table = |times: &str| {
         let flags = format!("passes --scene scene.toml --radec 90,0,0 {times}");
@@ -164,8 +164,8 @@ fn the_table_has_the_day_where_a_stay_has_several_and_no_name_twice() {
 
 const STOP: &str = "STOP_TIME = 2019-06-15T12:09:50";
 
-/// An ephemeris of a circle above the equator, a state every 10 s for ten minutes from noon of
-/// 15 June 2019 on.
+/// An ephemeris of a circular equatorial orbit, a state every 10 s for ten minutes from noon of
+/// 15 June 2019.
 fn circle() -> String {
     let mut text = format!(
         "CCSDS_OEM_VERS = 2.0\nMETA_START\nOBJECT_NAME = ROUND\nOBJECT_ID = UNKNOWN\nCENTER_NAME = EARTH\n\
@@ -190,17 +190,18 @@ fn round() -> Folder {
     ])
 }
 
-/// An observer in the geostationary belt, who has all of the circle in the field.
+/// An observer in the geostationary belt, with the whole circle in the field.
 const GEO: &str = "42164,0,0,0,3.0747,0";
 
 #[test]
-fn days_without_states_are_said_to_have_none() {
+fn searches_without_states_are_reported() {
     let here = round();
-    // X-Val: Vallado et al. 2006, verification set 06251, with so much drag that it has decayed within days.
+    // X-Val: Vallado et al. 2006, verification set 06251, with so much drag that it decays within
+    // days.
     let sunk = crate::catalog::DELTA.replace("12808-3 0  3985", "12808-0 0  3982");
     here.write("sunk.3le", sunk.replace("DELTA 1 DEB", "SUNK"));
     here.write("sunk.toml", "[objects]\nfiles = [\"sunk.3le\"]\n");
-    // In June 2019 it has states for ten minutes.
+    // In June 2019 the object of round.toml has states for ten minutes.
     for (scene, from, to, stays) in [
         ("round.toml", "2024-01-01", "2024-01-30", 0),
         ("sunk.toml", "2019-06-15", "2019-06-30", 0),
@@ -226,8 +227,8 @@ fn durations_over_a_leap_second_are_si_seconds() {
     let oem = circle().replace("2019-06-15T12:00:00", "2016-12-31T23:59:50");
     let oem = oem.replace(STOP, "STOP_TIME = 2017-01-01T00:00:30");
     let (head, states) = oem.split_once("META_STOP\n").unwrap();
-    // X-Val: IERS Bulletin C 52: 2016-12-31T23:59:60 is a second, so states whose digits differ by 9 s
-    // are 10 s apart.
+    // X-Val: IERS Bulletin C 52: 2016-12-31T23:59:60 is a second, so states with UTC times 9 s
+    // apart are 10 s apart.
     let times = [
         "2016-12-31T23:59:50",
         "2016-12-31T23:59:60",
@@ -251,9 +252,9 @@ fn durations_over_a_leap_second_are_si_seconds() {
     assert_eq!(json["passes"][0]["duration_s"], 31.0);
 }
 
-/// A scene's state holds at its first exposure and not at --from, and the option's at --from.
+/// The epoch of a scene's state is its first exposure; the epoch of the option's state is --from.
 #[test]
-fn a_state_holds_where_the_readme_says() {
+fn states_have_their_documented_epoch() {
     let here = round();
     let scene = format!(
         "[objects]\nfiles = [\"round.oem\"]\n[observer]\nstate = [{GEO}]\n\
@@ -264,8 +265,8 @@ fn a_state_holds_where_the_readme_says() {
         let times = format!("--from 2019-06-15T{from}Z --to 2019-06-15T12:05:00Z");
         let json = passes(&here, &format!("--scene scene.toml {times} {more}"));
         assert_eq!(json["passes"][0]["in_field_at_end"], true, "{json}");
-        let place = &json["passes"][0]["leaves"]["place_px"];
-        [0, 1].map(|axis| place[axis].as_f64().unwrap())
+        let position = &json["passes"][0]["leaves"]["place_px"];
+        [0, 1].map(|axis| position[axis].as_f64().unwrap())
     };
     let whole = last_px("12:00:00", "");
     let off = |other: [f64; 2]| (whole[0] - other[0]).hypot(whole[1] - other[1]);
@@ -275,8 +276,7 @@ fn a_state_holds_where_the_readme_says() {
     assert!(off(last_px("12:03:00", &state)) > 1.0);
 }
 
-/// A folder where ROUND, with this ephemeris, is followed, and another object has states all through
-/// the search.
+/// A folder with ROUND as the target, and another object with states during the whole search.
 fn followed() -> (Folder, impl Fn(&str) -> String) {
     let here = round();
     here.run("catalog synth --out my.3le --objects 1 --epoch 2019-06-15T00:00:00Z")
@@ -291,9 +291,9 @@ fn followed() -> (Folder, impl Fn(&str) -> String) {
     (here, flags)
 }
 
-/// Where the object of --look-at has no states nothing is searched, which one line says.
+/// Times without states of the --look-at object are not searched and reported in one line.
 #[test]
-fn a_search_goes_on_where_the_target_has_states() {
+fn a_search_covers_the_times_with_states_of_the_target() {
     let (here, flags) = followed();
     let times = "--from 2019-06-15T11:59:00Z --to 2019-06-15T12:12:00Z";
     let warned = "not searched, since the pointing has no direction: 2019-06-15T11:59:00.000Z to 2019-06-15T12:00:0";
@@ -305,13 +305,13 @@ fn a_search_goes_on_where_the_target_has_states() {
     let row = listed(&json["passes"])
         .iter()
         .find(|row| row["id"] == "UNKNOWN ROUND");
-    // 12:00:00 to 12:09:50, less a light time at the beginning.
+    // 12:00:00 to 12:09:50, less a light time at the start.
     let duration_s = row.unwrap()["duration_s"].as_f64().unwrap();
     assert!((589.0..590.0).contains(&duration_s), "{duration_s}");
 }
 
-/// Two segments with a gap between them. The search has a step at 12:05:00.444444444, and the light
-/// that arrives then left 0.1185548 s before. The gap that is not searched ends a light time later.
+/// Two segments with a gap between them. The search has a step at 12:05:00.444444444; the light
+/// time is 0.1185548 s. The gap in the search ends a light time later.
 #[test]
 fn a_gap_between_segments_is_found_to_2_ms() {
     let (here, flags) = followed();

@@ -1,4 +1,4 @@
-//! `skyloop plan`: the verdicts as a table and as JSON, declared and measured.
+//! `skyloop plan`: the decisions as a table and as JSON, with declared and measured errors.
 
 use crate::{Folder, Outcome, camera, has, repository, rows, still, with_keys};
 use serde_json::{Value, json};
@@ -13,7 +13,7 @@ fn row<'a>(report: &'a Value, effect: &str) -> &'a Value {
     rows.iter().find(|row| row["effect"] == effect).unwrap()
 }
 
-/// The rows of a table, with its heads.
+/// The rows of a table with its head.
 fn lines(table: &str) -> Vec<&str> {
     let lines = table.lines();
     lines.filter(|line| line.starts_with("  ")).collect()
@@ -34,12 +34,12 @@ fn the_table_has_every_effect_in_order_with_its_reason() {
 }
 
 #[test]
-fn json_has_the_fields_of_the_labels_and_what_was_measured() {
+fn json_has_the_fields_of_labels_and_the_measurements() {
     let sequence = with_keys(&still("2026-01-01T00:00:00Z"), &[("frames", "2")]);
     let scene = format!("camera = \"fai-630\"\n[effects]\noff = [\"dark current\"]\n{sequence}");
     let here = Folder::with(&[("scene.toml", &scene)]);
-    let told = here.run("plan --scene scene.toml --frame 1 --measure --json");
-    let report: Value = serde_json::from_str(&told.quiet()).unwrap();
+    let measured = here.run("plan --scene scene.toml --frame 1 --measure --json");
+    let report: Value = serde_json::from_str(&measured.quiet()).unwrap();
     let keys: Vec<&String> = report.as_object().unwrap().keys().collect();
     let expected = [
         "camera",
@@ -76,7 +76,8 @@ fn json_has_the_fields_of_the_labels_and_what_was_measured() {
         "{dark}"
     );
     let read = row(&report, "read noise");
-    // An rms over 24 frames of one pixel of 65,536, chosen by other frames: 12 e- and 15 %, four times.
+    // An rms of one pixel of 65,536 over 24 frames, chosen by other frames: 12 e- within four
+    // times 15 %.
     let measured_e = read["measured_error_e"].as_f64().unwrap();
     assert!((measured_e - 12.0).abs() < 7.0, "{read}");
     assert!(read["measured_ms"].as_f64().unwrap() > 0.0);
@@ -84,12 +85,12 @@ fn json_has_the_fields_of_the_labels_and_what_was_measured() {
     assert!(read["measured_error_px"].is_null(), "{read}");
 }
 
-/// What is judged by px is measured in px, what is random is called an rms, and no two columns have
-/// one name.
+/// Errors in px are measured in px, random errors are marked as rms, and names of columns are
+/// unique.
 #[test]
 fn declared_and_measured_errors_are_of_one_kind() {
-    // Too faint for noise to hide anything: 0.5 deg/s for 0.1 s over pixels of 389 arcsec are 0.46 px
-    // in the middle of the field and 0.49 px in its corners.
+    // The sky is so faint that noise hides nothing. 0.5 deg/s for 0.1 s over pixels of 389 arcsec
+    // are 0.46 px in the centre of the field and 0.49 px in its corners.
     let sequence = still("2026-01-01T00:00:00Z");
     let scene = format!("camera = \"fai-630\"\n{sequence}rates_deg_s = [0.5, 0.0, 0.0]\n");
     let here = Folder::with(&[("scene.toml", &scene)]);
@@ -104,7 +105,7 @@ fn declared_and_measured_errors_are_of_one_kind() {
             .find(|line| line.trim().starts_with(name))
             .unwrap()
     };
-    // Half of its way each, declared and measured.
+    // Both the declared and the measured error are half of the path.
     let smear = line("smear");
     let number = |before: &str| before.split(' ').next_back().unwrap().parse().unwrap();
     let px: Vec<f64> = smear.split(" px").take(2).map(number).collect();
@@ -115,10 +116,10 @@ fn declared_and_measured_errors_are_of_one_kind() {
     assert!(!line("dark current").contains("rms"), "{table}");
 }
 
-/// On a terminal, and nowhere else, standard error tells how far the measurement is.
+/// Only on a terminal, standard error shows the progress of the measurement.
 #[test]
 #[cfg(unix)]
-fn a_terminal_sees_what_is_being_measured() {
+fn a_terminal_shows_the_progress() {
     use std::io::Read;
     let here = Folder::new();
     let (mut near, far) = serialport::TTYPort::pair().unwrap();
@@ -161,7 +162,7 @@ fn wrong_inputs_are_refused_in_a_line() {
     );
 }
 
-/// What the plan of a scene says of each effect; `tables` come before its sequence.
+/// The plan of a scene as JSON; `tables` come before its sequence.
 fn planned(here: &Folder, camera: &str, tables: &str, sequence: &str) -> Value {
     here.write(
         "scene.toml",
@@ -171,7 +172,7 @@ fn planned(here: &Folder, camera: &str, tables: &str, sequence: &str) -> Value {
     serde_json::from_str(&plan).unwrap()
 }
 
-/// A reason names the cause, which the reader can change, and not what follows from it.
+/// A reason names the cause, which the user can change, not its consequence.
 #[test]
 fn reasons_are_causes() {
     let here = Folder::new();
@@ -250,11 +251,11 @@ fn reasons_are_causes() {
     }
 }
 
-/// Stars behind the Earth, and one object ahead of the observer on its orbit, lit or not, in view
-/// or not.
+/// Stars behind the Earth, and one object ahead of the observer on its orbit, sunlit or not, in
+/// view or not.
 #[test]
-fn reasons_say_where_stars_and_objects_are() {
-    // The orbit of leo-570.tle, a degree further on.
+fn reasons_state_the_visibility_of_stars_and_objects() {
+    // The orbit of leo-570.tle, a degree ahead.
     let ahead = "AHEAD\n\
         1 99002U 26001B   26152.00000000  .00000000  00000-0  20000-4 0    15\n\
         2 99002  97.6000 200.0000 0008000  80.0000  11.0000 15.05000000    16\n";
@@ -263,8 +264,8 @@ fn reasons_say_where_stars_and_objects_are() {
     let observer = format!("[observer]\norbit = {orbit:?}\n");
     let objects =
         format!("{observer}[objects]\nfiles = [\"ahead.tle\"]\n[sky]\ncatalog = \"bsc\"\n");
-    // The vignetting of the third row ends at 90 deg, a little short of the object. The fourth is
-    // half an orbit on.
+    // The vignetting of the third row ends at 90 deg, just before the object. The fourth is half an
+    // orbit ahead.
     for (scene, reason) in rows(
         "rigel-l stars 00:00 down  | stars in the field, behind the Earth
          all-sky rsos  00:00 down  | 1 object in the field, up to
@@ -297,10 +298,10 @@ fn of_camera(text: &str) -> Outcome {
     Folder::with(&[("mine.toml", text)]).run("plan --camera mine.toml")
 }
 
-/// Values that are legal and hardly meant: one warning, and none of the built-in cameras has one.
+/// Valid but implausible values cause one warning; no built-in camera causes one.
 #[test]
-fn figures_that_nobody_means_are_warned_of() {
-    // Of a wider field the Sun is to stay away.
+fn implausible_values_cause_a_warning() {
+    // The exclusion angle of the Sun is larger than the field.
     let rolling = camera("cmos-rolling", &[("sun_exclusion_deg", "100.0")]);
     let wide = camera("cots-wide", &[]);
     let of_rolling = "
@@ -313,15 +314,15 @@ fn figures_that_nobody_means_are_warned_of() {
         gain_e_per_dn = 800.0 | detector.gain_e_per_dn = 800: pixels are full at 0.916 %
         // ms.
         row_us = 0.04 | timing.row_us = 0.04:
-        // 80 K above where it is stated: 5,000 times 12 e-.
+        // 80 K above the stated temperature: 5,000 times 12 e-.
         temperature_c = 100.0 | detector.dark_e_s: at detector.temperature_c 6.
-        // k2 of another lens, or of other coordinates: no fold, but all stars are far off.
+        // k2 of another lens, or of other coordinates: no fold, but all positions are wrong.
         k = [-0.08, 1e6]
         | optics.projection.k = [-0.08, 1000000.0]: at the detector's edge it sees
         // rad.
         width_by_field = [[0.0, 1.0], [0.16, 1.2]]
         | optics.psf.width_by_field: it ends at 0.16 deg, the field at 9.";
-    // A full well above the converter's reach, (4095 - 32) 2.6 = 10563.8.
+    // A full well above the range of the converter, (4095 - 32) 2.6 = 10563.8.
     let of_wide = "full_well_e = 20000.0
         | detector.full_well_e = 20000 | 10564 e- | adc_clips_first";
     let of = |camera, table| rows(table).into_iter().map(move |row| (camera, row));

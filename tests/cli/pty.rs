@@ -31,7 +31,7 @@ fn emulator(here: &Folder, flags: &str) -> (Process, String) {
 }
 
 #[test]
-fn a_pair_carries_bytes_both_ways_until_ctrl_c() {
+fn a_pair_carries_bytes_in_both_directions_until_ctrl_c() {
     let here = Folder::new();
     let names = ["a", "b"].map(|name| path(&here, name));
     let begin = format!("{} <-> {} at ", names[0], names[1]);
@@ -50,9 +50,9 @@ fn a_pair_carries_bytes_both_ways_until_ctrl_c() {
         let text: Vec<u8> = (0..=255).collect();
         for (from, to) in [(0, 1), (1, 0)] {
             ends[from].write_all(&text).unwrap();
-            let mut heard = [0; 256];
-            ends[to].read_exact(&mut heard).unwrap();
-            assert_eq!(heard[..], text, "every octet passes as it is");
+            let mut received = [0; 256];
+            ends[to].read_exact(&mut received).unwrap();
+            assert_eq!(received[..], text, "every byte passes unchanged");
         }
     }
     process.end_by("-INT").exits(0);
@@ -67,21 +67,21 @@ fn a_client_opens_the_emulators_own_port() {
     assert!(is_empty(&here), "the name is gone");
 }
 
-/// A name may lead to the terminal that got the number of the killed run's.
+/// A remaining name may lead to a new terminal with the number of the killed run's terminal.
 #[test]
-fn the_names_of_a_run_that_was_killed_are_taken_over() {
+fn the_names_of_a_killed_run_are_reused() {
     let here = Folder::new();
     let [a, b] = ["a", "b"].map(|name| path(&here, name));
     let start = |a: &str, b: &str| {
         Process::printing(&here, &format!("pty {a} {b}"), &format!("{a} <-> {b} at "))
     };
     let first = start(&a, &b);
-    // While it lives nobody else gets them.
+    // No other run gets the names before it ends.
     let again = here.run(&format!("pty {a} c")).exits(1).logs_lines(1);
     again.logs(&["a running skyloop has it; choose another name"]);
     first.end_by("-KILL");
     assert!(here.join("a").symlink_metadata().is_ok(), "killed");
-    // The other way round: the numbers of both are in use again while their names are given.
+    // In reverse order: both numbers are in use again when the names are created.
     let second = start(&b, &a);
     for name in [&a, &b] {
         open_port(name, 115_200);
@@ -100,9 +100,9 @@ fn one_name_for_both_ends_is_refused_in_a_line() {
     }
 }
 
-/// A client that opens the port, asks for frames and reads nothing; faults stand between.
+/// A client that opens the port, requests frames and reads nothing, with injected faults.
 #[test]
-fn a_client_that_reads_nothing_keeps_no_name_alive() {
+fn a_client_that_reads_nothing_does_not_block_the_end() {
     let here = Folder::new();
     let (process, name) = emulator(&here, "--fault-log log.jsonl");
     let mut client = crate::support::client::Client::new(PtyLine::at(&name));

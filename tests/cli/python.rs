@@ -1,4 +1,5 @@
-//! The Python client, `examples/client.py`: with every built-in camera, with loss, and at a camera's full rate.
+//! The Python client, `examples/client.py`: with every built-in camera, with losses, and at a
+//! camera's full rate.
 #![cfg(unix)]
 
 use crate::run::Process;
@@ -12,7 +13,7 @@ use std::net::UdpSocket;
 use std::path::Path;
 use std::process::Command;
 
-/// The state that the client sends, km and km/s.
+/// The client's state, km and km/s.
 const STATE: &str = "-4340.768444,848.975278,-5362.534303,5.544406469,-3.022740430,-4.386550226";
 
 /// The emulator of a run file whose keys before `[run]` are `keys`.
@@ -25,7 +26,7 @@ fn emulator(here: &Folder, keys: &str, run: &str, flags: &str) -> Process {
     Process::listening(here, &format!("run --config run.toml {flags}"))
 }
 
-/// What the client does at an address.
+/// Runs the client at an address.
 fn client_at(here: &Folder, address: &str, flags: &str) -> Outcome {
     let mut command = Command::new("python3");
     command
@@ -39,7 +40,7 @@ fn client_at(here: &Folder, address: &str, flags: &str) -> Outcome {
     Outcome::of(&format!("client.py {address} {flags}"), output)
 }
 
-/// What the client of an emulator does.
+/// Runs the client of an emulator.
 fn client(here: &Folder, process: &Process, flags: &str) -> Outcome {
     client_at(here, process.address.strip_prefix("udp://").unwrap(), flags)
 }
@@ -87,7 +88,7 @@ fn pgm(file: &Path) -> (u32, u32, Vec<u16>) {
     (numbers[0], numbers[1], pixels.collect())
 }
 
-/// Against `skyloop render`, which knows no wire.
+/// Compares with `skyloop render`, which has no link.
 #[test]
 #[ignore = "tools: needs python3; tests/run all runs it"]
 fn tools_the_client_gets_the_frames_of_every_built_in_camera() {
@@ -112,8 +113,8 @@ fn tools_the_client_gets_the_frames_of_every_built_in_camera() {
 
 #[test]
 #[ignore = "tools: needs python3; tests/run all runs it"]
-fn tools_the_client_requests_again_what_is_lost_damaged_or_late() {
-    // How many of the 3,900 packets are requested again at least, and come damaged.
+fn tools_the_client_requests_lost_damaged_and_late_frames_again() {
+    // Minimum numbers of repeated requests and of damaged packets among 3,900.
     let drop = [("in", "drop", 0.05), ("out", "drop", 0.05)];
     // 1,400 bytes: one packet in 9 to the client is damaged, one in 50 to the emulator.
     let flips = [("in", "bit_flips", 1e-4), ("out", "bit_flips", 1e-5)];
@@ -129,10 +130,10 @@ fn tools_the_client_requests_again_what_is_lost_damaged_or_late() {
         let process = emulator(&here, "camera = \"rigel-l\"", "", "--faults faults.toml");
         let printed = client(&here, &process, "--frames 3").exits(0).all();
         let table = process.end_by("-INT").prints(&["resent_blocks"]).out;
-        // It checks the pixels itself against the checksum of each frame.
+        // The client checks the pixels by the checksum of each frame.
         let frames = printed.matches("1024 x 1024 pixels of 12 bits").count();
         assert_eq!(frames, 3, "{faults:?}: {printed}{table}");
-        // Printed each second where it has changed, and at the end: a frame can follow the last one.
+        // Printed each second after a change, and at the end: a frame can follow the last line.
         let mut lines = printed.lines();
         let losses = lines.rfind(|line| line.contains("requested again"));
         let numbers = losses.unwrap_or_default().split(' ');
@@ -140,17 +141,17 @@ fn tools_the_client_requests_again_what_is_lost_damaged_or_late() {
         let [found_again, found_damaged, _] = numbers[..] else {
             panic!("{printed}");
         };
-        // Differences of counters do not wrap: no more than all packets, once a frame.
+        // Differences of counters do not wrap: at most the number of packets for each frame.
         assert!((again..20_000).contains(&found_again), "{printed}");
         assert!((damaged..20_000).contains(&found_damaged), "{printed}");
     }
 }
 
-/// Whatever the reason, it leaves so that nothing waits for it: the emulator ends without a warning
-/// about what was not read.
+/// In each case the client ends the exchange, so the emulator ends without a warning about unread
+/// packets.
 #[test]
 #[ignore = "tools: needs python3; tests/run all runs it"]
-fn tools_the_client_ends_with_the_reason_where_it_gets_no_frame() {
+fn tools_the_client_ends_with_a_reason_without_frames() {
     for (run, flags, says) in [
         (
             "clock = \"wall\"\noutput = \"labels\"\nlink = \"udp://127.0.0.1:0?rate_mbit=1\"",
@@ -173,9 +174,9 @@ fn tools_the_client_ends_with_the_reason_where_it_gets_no_frame() {
     }
 }
 
-/// Where to send packets to the emulator at `address`, such that each FrameEnd comes with another
-/// `pixels_crc32` (ICD, section 3.12). After ten nothing comes.
-fn spoiling(address: &str) -> String {
+/// The address of a proxy of the emulator at `address` that changes the `pixels_crc32` of each
+/// FrameEnd (ICD, section 3.12). After ten of them it forwards nothing.
+fn corrupting_proxy(address: &str) -> String {
     let near = UdpSocket::bind("127.0.0.1:0").unwrap();
     let far = UdpSocket::bind("127.0.0.1:0").unwrap();
     far.connect(address).unwrap();
@@ -196,7 +197,7 @@ fn spoiling(address: &str) -> String {
         {
             let packet = &mut buffer[..length];
             if matches!(identify(packet), Some((FRAME_END, _))) {
-                // Behind the header's 15 bytes and the number of the frame.
+                // After the 15 bytes of the header and the number of the frame.
                 packet[15 + 4] ^= 1;
                 reseal(packet);
                 ends += 1;
@@ -209,10 +210,10 @@ fn spoiling(address: &str) -> String {
 
 #[test]
 #[ignore = "tools: needs python3; tests/run all runs it"]
-fn tools_the_client_ends_where_the_checksum_of_the_pixels_never_fits() {
+fn tools_the_client_ends_if_every_pixel_checksum_is_wrong() {
     let here = Folder::new();
     let process = emulator(&here, "camera = \"fai-nir\"", "", "");
-    let address = spoiling(process.address.strip_prefix("udp://").unwrap());
+    let address = corrupting_proxy(process.address.strip_prefix("udp://").unwrap());
     let ended = client_at(&here, &address, "--timeout 3");
     process.end_by("-INT");
     assert_ne!(ended.code, Some(0), "{}", ended.all());
@@ -240,9 +241,8 @@ fn tools_the_client_takes_large_frames_at_four_a_second() {
     assert_eq!(frames, 4, "{printed}");
 }
 
-/// The guide shows a part of the file.
 #[test]
-fn the_guide_shows_the_client() {
+fn the_guide_has_an_excerpt_of_the_client() {
     let guide = repository_text("docs/how-to/write-a-client.md");
     let mut blocks = guide.split("```python\n").skip(1);
     let (block, rest) = blocks.next().unwrap().split_once("```").unwrap();

@@ -1,4 +1,4 @@
-//! `--faults`, `--fault-log`, `--capture` and `skyloop replay`, as a user has them.
+//! `--faults`, `--fault-log`, `--capture` and `skyloop replay` on the command line.
 
 use crate::support::always;
 use crate::{Folder, has, still, with_keys};
@@ -15,7 +15,7 @@ fn a_recorded_loopback_is_replayed() {
         "the same: 2 frames",
     ]);
 
-    // One digit of one pixel, in the middle of the file.
+    // Changes one pixel, in the middle of the file.
     let mut bytes = std::fs::read(here.join("run.pcapng")).unwrap();
     let block = b"\x0a\x02\xc0\x37";
     let place = bytes.windows(4).position(|window| window == block);
@@ -30,9 +30,9 @@ fn a_recorded_loopback_is_replayed() {
     ]);
 }
 
-/// Whatever of its files has changed, a replay names it.
+/// A replay names each changed input file.
 #[test]
-fn a_replay_of_another_input_says_what_differs() {
+fn a_replay_with_other_inputs_reports_the_differences() {
     let scene = |seed: u32| {
         let sequence = still("2026-01-01T00:00:00Z");
         format!("seed = {seed}\ncamera = \"camera.toml\"\n{sequence}")
@@ -49,7 +49,7 @@ fn a_replay_of_another_input_says_what_differs() {
     for (seed, camera, flags, says) in [
         (2, &camera, same, "scene.toml: changed since the recording"),
         (1, &slow, same, CAMERA),
-        // The frame would have come.
+        // The frame would have arrived.
         (1, &slow, "--scene scene.toml --patience 0.0001", CAMERA),
         (
             1,
@@ -75,9 +75,8 @@ fn a_replay_of_another_input_says_what_differs() {
     }
 }
 
-/// Frames over the bus, recorded there. Few packets a frame: a machine that is busy for a second
-/// delays one message of the bus beyond its time-out, and the client asks for it again, but not for
-/// ever.
+/// Frames over the bus, recorded as CAN frames. Frames have few packets: on a busy machine a
+/// message may exceed its time-out, and the client requests it again a limited number of times.
 #[test]
 #[cfg(unix)]
 fn a_log_of_can_frames_is_replayed() {
@@ -89,16 +88,16 @@ fn a_log_of_can_frames_is_replayed() {
     replay.says(&["the same: 3 frames"]).lacks("not compared");
 }
 
-/// Frames take longer to render than is allowed here.
+/// Frames take longer to render than this timeout.
 #[test]
-fn a_replay_waits_for_a_frame_as_long_as_it_is_told() {
+fn a_replay_has_a_timeout_for_frames() {
     let here = Folder::new();
     here.run("loopback --frames 20 --capture run.pcapng")
         .exits(0);
-    // A machine that wakes a thread late may find the frame there.
+    // If the thread wakes up late, the frame may have arrived.
     let mut tries = (0..10).map(|_| here.run("replay run.pcapng --patience 0.001"));
     let refused = tries.find(|replay| replay.code == Some(1));
-    let refused = refused.expect("one of ten is too impatient");
+    let refused = refused.expect("one of ten times out");
     refused.says(&["run.pcapng", "more than 0.001 s", "--patience"]);
     for wrong in ["0", "-1", "nan", "soon", "1e300"] {
         let refused = here.run(&format!("replay run.pcapng --patience {wrong}"));
@@ -107,7 +106,7 @@ fn a_replay_waits_for_a_frame_as_long_as_it_is_told() {
 }
 
 #[test]
-fn faults_are_written_down() {
+fn faults_are_logged() {
     let faults = always("out", "duplicate", 0.1) + &always("in", "delay", 0.001);
     let here = Folder::with(&[("faults.toml", &faults)]);
     let flags = "--faults faults.toml --fault-log log.jsonl --capture run.pcapng";
@@ -174,10 +173,9 @@ fn wrong_inputs_are_refused_in_a_line() {
     );
 }
 
-/// A disk without room.
 #[test]
 #[cfg(target_os = "linux")]
-fn a_full_disk_is_told_and_the_run_goes_on() {
+fn a_full_disk_is_reported_and_the_run_continues() {
     let here = Folder::with(&[("faults.toml", &always("in", "delay", 0.001))]);
     let ended = here.run("loopback --frames 1 --faults faults.toml --fault-log /dev/full");
     ended
@@ -188,7 +186,7 @@ fn a_full_disk_is_told_and_the_run_goes_on() {
 }
 
 #[test]
-fn a_run_at_another_output_level_is_replayed_at_it() {
+fn a_recording_is_replayed_at_its_output_level() {
     let here = Folder::new();
     here.run("loopback --output labels --frames 2 --capture run.pcapng")
         .exits(0);
@@ -203,7 +201,7 @@ fn a_run_at_another_output_level_is_replayed_at_it() {
 
 #[test]
 #[cfg(unix)]
-fn ctrl_c_ends_a_loopback_with_its_table_and_a_recording_that_is_whole() {
+fn ctrl_c_ends_a_loopback_with_its_table_and_a_complete_recording() {
     let here = Folder::new();
     let words = "loopback --frames 50 --link pty?baud=9600 --output labels --capture run.pcapng --junit v.xml";
     let file = here.join("run.pcapng");
@@ -214,7 +212,7 @@ fn ctrl_c_ends_a_loopback_with_its_table_and_a_recording_that_is_whole() {
     });
     let ended = child.end_by("-INT").exits(1);
     let ended = ended.prints(&["frames   ", "wrote "]);
-    // Both of the frames that the client has: the emulator may have made one more.
+    // The number of the client's frames: the emulator may have rendered one more.
     let (_, came) = ended.log.split_once("stopped: ").unwrap();
     let (came, _) = came.split_once(" of 50 frames came whole").unwrap();
     let came = format!("{came} of 50 frames came whole");

@@ -1,4 +1,4 @@
-//! `skyloop run`: a process of its own, a client, and the signal that ends it.
+//! `skyloop run`: a process, a client, and the signal that ends it.
 #![cfg(unix)]
 
 use crate::support::client::Client;
@@ -14,17 +14,17 @@ pub struct Process {
     child: Child,
     stdout: BufReader<ChildStdout>,
     log: Option<JoinHandle<String>>,
-    /// Where it listens.
+    /// The address where it listens.
     pub address: String,
 }
 
 impl Process {
-    /// `skyloop` in a folder, listening. `words` are its arguments, separated by blanks.
+    /// A listening `skyloop` in a folder. `words` are its arguments, separated by blanks.
     pub fn listening(here: &Folder, words: &str) -> Process {
         Process::printing(here, words, "listening on ")
     }
 
-    /// `skyloop` once it has printed a line that begins so; its address stands behind that.
+    /// `skyloop` after a printed line that starts with `begin`, followed by its address.
     pub fn printing(here: &Folder, words: &str, begin: &str) -> Process {
         let mut command = Command::new(env!("CARGO_BIN_EXE_skyloop"));
         let command = command.args(words.split_whitespace());
@@ -49,8 +49,8 @@ impl Process {
         Process::spawned(command, "listening on ")
     }
 
-    /// A command that runs `skyloop`, once it has printed a line that begins so; at once, if that is
-    /// empty.
+    /// A command that runs `skyloop`, after a printed line that starts with `begin`; at once, if
+    /// `begin` is empty.
     pub fn spawned(command: &mut Command, begin: &str) -> Process {
         let command = command.stdout(Stdio::piped()).stderr(Stdio::piped());
         let mut child = command.spawn().unwrap();
@@ -76,7 +76,7 @@ impl Process {
         }
     }
 
-    /// The number of the process.
+    /// The process identifier.
     pub fn id(&self) -> u32 {
         self.child.id()
     }
@@ -91,14 +91,14 @@ impl Process {
         assert!(sent.unwrap().success());
     }
 
-    /// The next line that it prints.
+    /// The next printed line.
     fn line(&mut self) -> String {
         let mut line = String::new();
         self.stdout.read_line(&mut line).unwrap();
         line
     }
 
-    /// What it has done by its end: what it printed since it was started, and all that it logged.
+    /// Awaits its end and returns its outputs since the start.
     pub fn end(mut self) -> Outcome {
         await_that("the process ends", || {
             std::thread::sleep(std::time::Duration::from_millis(5));
@@ -128,7 +128,7 @@ impl Drop for Process {
     }
 }
 
-/// Two frames and a refusal, then `signal`: exit code 0 and the table.
+/// Asserts two frames and a refusal, then after `signal` exit code 0 and the table.
 pub fn serves_until(signal: &str, process: Process, line: impl Line) {
     let mut client = Client::new(line);
     client.good_frame(1);
@@ -155,7 +155,7 @@ fn a_client_over_udp_is_served_until_ctrl_c() {
 }
 
 #[test]
-fn a_client_over_a_serial_line_is_served_until_it_is_told_to_end() {
+fn a_client_over_a_serial_line_is_served_until_sigterm() {
     let (line, device) = PtyLine::new();
     let process = Process::of_repository(&format!("--link serial://{device}?baud=921600"));
     assert!(process.address.contains(&device));
@@ -163,7 +163,7 @@ fn a_client_over_a_serial_line_is_served_until_it_is_told_to_end() {
 }
 
 #[test]
-fn each_signal_to_end_ends_a_run_that_never_had_a_client() {
+fn each_termination_signal_ends_a_run_without_a_client() {
     for signal in ["-INT", "-TERM", "-HUP"] {
         let process = Process::started_by(&["env", "--default-signal=HUP"]);
         process.end_by(signal).exits(0).prints(&["all 0"]);
@@ -175,7 +175,7 @@ fn a_run_under_nohup_outlives_its_terminal() {
     let process = Process::started_by(&["nohup"]);
     let mut client = process.udp_client();
     process.signal("-HUP");
-    // It still serves after the signal.
+    // The run continues after the signal.
     client.good_frame(1);
     let ended = process.end_by("-TERM");
     ended.exits(0).prints(&["frames_delivered 1"]);
@@ -199,9 +199,9 @@ fn the_last_frame_of_a_limited_run_arrives_whole() {
 }
 
 #[test]
-fn steps_that_make_nothing_coarser_and_delays_that_no_deadline_allows_are_warned_of() {
+fn coarsen_without_effect_and_delays_beyond_deadlines_cause_warnings() {
     let here = Folder::new();
-    // The built-in camera has 1 s from frame to frame.
+    // The frame period of the built-in camera is 1 s.
     for (keys, warnings) in rows(
         "on_overrun = \"coarsen\"
          | run.coarsen: \"fast\" makes nothing coarser | none of `run.coarsen` & wing_e = 1
@@ -212,7 +212,7 @@ fn steps_that_make_nothing_coarser_and_delays_that_no_deadline_allows_are_warned
          idle_s = 5.0",
     ) {
         let keys = keys.replace("; ", "\n");
-        // Nothing fits a link so slow: the run ends before it waits for a client.
+        // No frame fits a link so slow, so the run ends before it awaits a client.
         let run = "[run]\nclock = \"wall\"\nlink = \"udp://127.0.0.1:0?rate_mbit=0.01\"";
         here.write("run.toml", format!("fidelity = \"fast\"\n{run}\n{keys}"));
         let log = here.run("run --config run.toml").logs(&["at most"]).log;
@@ -224,9 +224,9 @@ fn steps_that_make_nothing_coarser_and_delays_that_no_deadline_allows_are_warned
     }
 }
 
-/// What has no meaning in step is told of, of a further camera with its name.
+/// Keys without effect in stepped mode are reported, for further cameras with their name.
 #[test]
-fn what_the_stepped_clock_makes_nothing_of_is_warned_of() {
+fn keys_without_effect_in_stepped_mode_cause_warnings() {
     let link = "link = \"udp://127.0.0.1:0\"";
     let text = format!(
         "[run]\n{link}\ndelay_s = 0.1\nlatency_s = 0.2\non_overrun = \"drop\"\n\
@@ -244,21 +244,21 @@ fn what_the_stepped_clock_makes_nothing_of_is_warned_of() {
     has(of_head, &["head{name=\"port side\"}: rate_hz = 0.5: "]);
 }
 
-/// Two cameras in one process: one client points both, each brings its frames to its own.
+/// Two cameras in one process: one client points both, each camera sends frames to its own client.
 #[test]
-fn a_run_with_a_further_camera_serves_both_and_tells_of_both() {
+fn a_run_with_a_further_camera_serves_and_reports_both() {
     let here = crate::soak::files(
         "link = \"udp://127.0.0.1:0\"\n[[heads]]\nname = \"port side\"\ncamera = \"camera.toml\"\nlink = \"udp://127.0.0.1:0\"",
     );
     let mut process = Process::listening(&here, "run --config run.toml");
     let head = process.line();
-    let (told, at) = head.trim_end().rsplit_once(", ").unwrap();
-    let is_told =
-        told.starts_with("head port side: ") && told.ends_with(", a frame for each attitude");
-    assert!(is_told, "{head}");
+    let (text, at) = head.trim_end().rsplit_once(", ").unwrap();
+    let is_reported =
+        text.starts_with("head port side: ") && text.ends_with(", a frame for each attitude");
+    assert!(is_reported, "{head}");
     let mut first = process.udp_client();
     let mut second = Client::new(UdpLine::to(at));
-    // A client is there when it has said something.
+    // A client is known after its first packet.
     second.status();
     for sequence in 1..3 {
         let a = first.good_frame(sequence);
@@ -278,10 +278,10 @@ fn a_run_with_a_further_camera_serves_both_and_tells_of_both() {
     }
 }
 
-/// Processors that are granted are those of the threads that render, whatever was read with them before.
+/// The granted processors apply to all threads, even those started to read files.
 #[cfg(target_os = "linux")]
 #[test]
-fn processors_that_are_granted_are_those_of_all_threads() {
+fn granted_processors_apply_to_all_threads() {
     let own = std::fs::read_to_string("/proc/self/status").unwrap();
     let allowed = |status: &str| {
         let mut lines = status.lines();
@@ -299,7 +299,7 @@ fn processors_that_are_granted_are_those_of_all_threads() {
     let threads = std::fs::read_dir(format!("/proc/{}/task", process.id())).unwrap();
     let mut count = 0;
     for thread in threads {
-        // One that ends meanwhile has no status.
+        // A thread that has ended has no status.
         let status = thread.unwrap().path().join("status");
         if let Ok(status) = std::fs::read_to_string(status) {
             assert_eq!(allowed(&status), last, "{status}");

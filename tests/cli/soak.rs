@@ -1,4 +1,4 @@
-//! `skyloop soak`: what it measures, what it writes, where it fails.
+//! `skyloop soak`: measurements, reports, failures.
 
 #[cfg(unix)]
 use crate::run::Process;
@@ -28,12 +28,12 @@ const HEAD: &str =
     "[[heads]]\nname = \"B\"\ncamera = \"camera.toml\"\nlink = \"udp://127.0.0.1:1\"";
 
 #[test]
-fn a_run_is_measured_and_told_in_every_form() {
+fn a_run_is_measured_and_reported_in_every_format() {
     let here = files(&format!("{WALL}\ncpus = [1023]\n{HEAD}"));
-    // However busy the machine is: nothing is asked of it.
+    // Passes on a busy machine: all deadlines may be missed.
     let words = "soak --config run.toml --minutes 0.05 --max-miss-rate 1 --junit verdict.xml --json verdict.json";
-    // Two attitudes for each frame of the first camera at 20 Hz, which alone gets them. No machine that
-    // runs this has as many processors.
+    // 40 attitudes/s: two for each frame of the first camera at 20 Hz, the only one with attitudes.
+    // No test machine has processor 1023.
     here.run(words).exits(0).prints(&[
         "to the last octet",
         "deadlines missed",
@@ -55,7 +55,7 @@ fn a_run_is_measured_and_told_in_every_form() {
     for (camera, name) in [(0, "fai"), (1, "B")] {
         let camera = &report["cameras"][camera];
         assert!(camera["name"].as_str().unwrap().contains(name));
-        // Null, where a busy machine left one of the fifths without a frame.
+        // Null if a fifth of the run had no frame on a busy machine.
         assert!(camera.as_object().unwrap().contains_key("drift_s"));
         let latencies = &camera["latencies"];
         assert!(latencies["frames"].as_u64() > Some(0), "{latencies}");
@@ -67,9 +67,9 @@ fn a_run_is_measured_and_told_in_every_form() {
     has(&here.read("verdict.xml"), &["<testsuite", "failures=\"0\""]);
 }
 
-/// By the client's time, and with a limit of memory that is far off.
+/// With the client's clock, and a high limit of memory growth.
 #[test]
-fn a_run_by_the_clients_clock_is_measured_likewise() {
+fn a_run_by_the_clients_clock_is_measured() {
     let here = files("clock = \"external\"");
     let words = "soak --config run.toml --minutes 0.04 --max-miss-rate 1 --max-growth 1000 --rate 50 --link memory --json verdict.json";
     here.run(words)
@@ -81,8 +81,8 @@ fn a_run_by_the_clients_clock_is_measured_likewise() {
 }
 
 #[test]
-fn a_limit_that_is_broken_fails_the_run_and_names_the_first_frame() {
-    // No frame leaves within a microsecond.
+fn a_broken_limit_fails_the_run_and_names_the_first_frame() {
+    // No frame is sent within a microsecond.
     let here = files(&format!("{WALL}\nlatency_s = 1e-6"));
     let words = "soak --config run.toml --minutes 0.02 --max-p99-ms 0.001 --junit verdict.xml --link memory";
     let failed = here.run(words).exits(1).logs(&[
@@ -90,16 +90,16 @@ fn a_limit_that_is_broken_fails_the_run_and_names_the_first_frame() {
         "is above 1e-3: frame 0 was the first",
         "is above 0.001 ms:",
     ]);
-    // Of both limits, whether or not a busy machine let it come whole.
+    // For both limits, whether or not the frame was complete on a busy machine.
     let first = failed.log.matches("frame 0 was the first (").count();
     assert_eq!(first, 2, "{}", failed.log);
     has(&here.read("verdict.xml"), &["failures=\"2\"", "<failure"]);
 }
 
-/// What was measured until then is told, and it is no pass.
+/// The measurements so far are reported, and the run has not passed.
 #[cfg(unix)]
 #[test]
-fn ctrl_c_ends_a_soak_with_what_it_has_and_fails_it() {
+fn ctrl_c_ends_a_soak_with_its_report_and_fails_it() {
     let here = files(WALL);
     let words = "soak --config run.toml --minutes 60 --max-miss-rate 1 --junit verdict.xml --json verdict.json";
     let process = Process::printing(&here, words, "fai-nir ");
@@ -116,7 +116,7 @@ fn ctrl_c_ends_a_soak_with_what_it_has_and_fails_it() {
 }
 
 #[test]
-fn what_cannot_be_soaked_is_told_before() {
+fn unsuitable_runs_are_refused_before_the_start() {
     let refuses = |run: &str, table: &str| files(run).refuses("soak --config run.toml", table);
     for (run, says) in rows(
         "STEPPED              | run.clock is \"stepped\" | \"wall\"
@@ -147,10 +147,10 @@ fn what_cannot_be_soaked_is_told_before() {
     );
 }
 
-/// A level that the line can carry at the camera's rate, where the file's cannot.
+/// At the camera's rate, the line can carry this level but not the file's.
 #[test]
 #[cfg(target_os = "linux")]
-fn a_soak_takes_the_level_that_it_is_given() {
+fn the_output_option_sets_the_level_of_a_soak() {
     let here = files(WALL);
     let words = "soak --config run.toml --minutes 0.02 --max-miss-rate 1 --link pty?baud=921600";
     for (level, code) in [("", 1), ("--output labels", 0), ("--output x", 2)] {

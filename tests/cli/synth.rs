@@ -1,4 +1,4 @@
-//! `skyloop catalog synth`: what it writes, that scenes can use it, and what it says of wrong inputs.
+//! `skyloop catalog synth`: its files, their use in scenes, and messages for wrong inputs.
 
 use crate::{Folder, has, still};
 
@@ -22,7 +22,7 @@ fn a_folder_is_a_population_that_a_scene_can_use() {
     );
     here.run("render --scene scene.toml --out frames").quiet();
 
-    // The same again, to the last byte.
+    // The same options give the same bytes.
     here.run(&format!("{synth} --out again")).exits(0);
     assert_eq!(here.contents("made"), here.contents("again"));
 }
@@ -57,7 +57,7 @@ fn a_file_has_the_format_of_its_name() {
         assert_eq!(counts, (30, 0), "{name}");
     }
     assert_eq!(here.names("").len(), 6);
-    // A folder of years that no TLE has is one of CSV.
+    // TLEs cannot have these years, so the folder has CSV files.
     here.run("catalog synth --objects 3 --epoch 2090-01-01T00:00:00Z --out made")
         .exits(0);
     let written = here.names("made");
@@ -66,7 +66,7 @@ fn a_file_has_the_format_of_its_name() {
 }
 
 #[test]
-fn what_does_not_fit_is_refused_and_nothing_is_lost() {
+fn objects_that_do_not_fit_are_refused_and_no_file_is_lost() {
     let here = Folder::new();
     // X-Val: Alpha-5 ends with 339,999; the first number is 130,001. By hand: a record in XML has
     // some 1100 bytes, ten million of them 10 GiB.

@@ -1,4 +1,4 @@
-//! Commands around the command line: camera files, schemas, completions, manual pages, and pointing by
+//! Further commands and options: camera files, schemas, completions, manual pages, pointing by
 //! options.
 
 use crate::{EPOCH, Folder, STATE, camera, has, rows, with_keys};
@@ -6,24 +6,25 @@ use serde_json::Value;
 use std::process::Command;
 
 #[test]
-fn a_cameras_limit_is_where_labels_have_that_snr() {
+fn limiting_magnitudes_agree_with_the_snr_of_labels() {
     let here = Folder::new();
     for camera in ["rigel-l", "cots-wide"] {
         let report = here.run(&format!("camera check {camera} --json"));
         let report = report.exits(0).json();
         let limit = report["limiting_mag"].as_f64().unwrap();
-        // The rich sky of Cygnus; nothing but stars.
+        // The rich sky of Cygnus; only stars.
         let sky = format!("--epoch {EPOCH} --radec 310,40,0 --label-snr 3 --out {camera}");
         here.run(&format!("render --camera {camera} {sky}"))
             .exits(0);
         let label = &here.labels(camera)[0];
-        // Stars well on the detector; their light lies between pixels, where it is spread over more of
-        // them, and the sky is another.
+        // Stars well inside the detector. Their light is between pixels and so spread over more of
+        // them, and the background differs.
         let mut off = Vec::new();
         for star in label["objects"].as_array().unwrap() {
             let [snr, mag] = ["snr", "band_mag"].map(|key| star[key].as_f64().unwrap_or(0.0));
             if star["in_frame"] == true && (4.0..6.5).contains(&snr) {
-                // Near the limit snr goes as the signal, between its root and itself.
+                // Near the limit the SNR grows between the square root of the signal and the
+                // signal.
                 off.push(mag - limit + 2.5 * (snr / 5.0).log10());
             }
         }
@@ -35,7 +36,7 @@ fn a_cameras_limit_is_where_labels_have_that_snr() {
 }
 
 #[test]
-fn a_camera_is_made_checked_and_not_written_over() {
+fn a_camera_file_is_created_checked_and_not_overwritten() {
     let here = Folder::new();
     let figures = "--size 640x480 --pixel 5 --focal 20deg --aperture f/1.4 --exposure 0.2";
     let new = |file: &str, full_well: &str| {
@@ -70,7 +71,7 @@ fn a_camera_is_made_checked_and_not_written_over() {
 }
 
 #[test]
-fn everything_that_is_wrong_with_a_file_is_said_at_once() {
+fn all_faults_of_a_file_are_reported_at_once() {
     let good = camera("cots-wide", &[]);
     let mut bad = String::new();
     for line in good.lines() {
@@ -105,7 +106,7 @@ fn everything_that_is_wrong_with_a_file_is_said_at_once() {
             assert!(said.lines().any(is_it), "{place} {message}: {said}");
         }
     }
-    // Faults in optional tables hide none.
+    // Faults in optional tables do not hide others.
     let optional = format!(
         "{good}\n[optics.vignetting]\ncos4 = true\ntable = [[0.0, 2.0]]\n[radiation]\nflux_cm2_s = \"much\"\nthickness_um = 0.0\nenergy_mev = \
          1.0\n[mounting]\nmisalignment_arcsec = [1e9, 0.0, 0.0]\n"
@@ -126,7 +127,7 @@ fn everything_that_is_wrong_with_a_file_is_said_at_once() {
         "radiation.energy_mev = 1: must be",
         "mounting.misalignment_arcsec[0] = 1000000000: must be",
     ]);
-    // A scene tells of its camera file too.
+    // A scene reports the faults of its camera file, too.
     let scene = "sed = 4\nlabel_snr = -1\ncamera = \"bad.toml\"\n[sequence]\nepoch = \"noon\"\nframes = 0\nnadir = true\n[run]\nidle_s = -4\n";
     here.write("scene.toml", scene);
     here.run("render --scene scene.toml --out o")
@@ -157,12 +158,12 @@ fn schemas_have_keys_with_descriptions() {
         let version = "https://json-schema.org/draft/2020-12/schema";
         assert_eq!(schema["$schema"], version);
         assert!(schema["properties"][key].is_object(), "{kind}: {schema}");
-        // Typing errors are refused, new label keys are not.
+        // Unknown keys are refused, except in labels.
         let is_closed = schema["additionalProperties"] == false;
         assert_eq!(is_closed, kind != "labels", "{kind}");
         for (name, property) in schema["properties"].as_object().unwrap() {
-            let is_told = property["description"].is_string() || property["$ref"].is_string();
-            assert!(is_told, "{kind}: {name}");
+            let is_described = property["description"].is_string() || property["$ref"].is_string();
+            assert!(is_described, "{kind}: {name}");
         }
     }
 }
@@ -222,7 +223,7 @@ fn tools_groff_formats_the_manual_pages() {
 }
 
 #[test]
-fn options_point_the_camera_and_say_what_is_hidden() {
+fn options_point_the_camera_and_report_hidden_objects() {
     let here = Folder::new();
     // The observer flies towards -Z at RA 169, Dec -50; at that time the Moon is at RA 250,
     // Dec -21, the Sun at RA 84, Dec +23.

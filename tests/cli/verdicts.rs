@@ -1,4 +1,4 @@
-//! For continuous integration: limits of a loopback, and what `run` offers scripts.
+//! For continuous integration: limits of a loopback, and options of `run` for scripts.
 #![cfg(unix)]
 
 use crate::run::Process;
@@ -8,10 +8,10 @@ use skyloop_protocols::Command as Packet;
 use std::time::{Duration, Instant};
 
 #[test]
-fn a_loopback_keeps_its_limits_or_fails() {
+fn a_loopback_meets_its_limits_or_fails() {
     let here = Folder::new();
-    // Labels have no pixels: nothing was compared, and no limit is kept by that. What has not begun
-    // has not passed.
+    // Output without pixels is not compared, so it meets no limit. A run that did not start has not
+    // passed.
     for (limits, says) in rows(
         "--max-centroid-rms 0.5 --max-missed 0 --max-false 50 --max-latency-p99-ms 60000
          | tests=\"5\" failures=\"0\" | kept: centroids: rms 0.
@@ -30,8 +30,8 @@ fn a_loopback_keeps_its_limits_or_fails() {
     here.refuses("loopback", "--junit no/such/v.xml | name another file");
 }
 
-/// A link, and a fault of it: direction, kind, value, `at_s`, and `for_s` where it has one. The last
-/// two are so long that a client gives up before: docs/how-to/run.md.
+/// Links with a fault: direction, kind, value, `at_s`, and `for_s` unless endless. The last two
+/// last longer than a client waits: docs/how-to/run.md.
 const STOPPING: &str = "
     memory out stuck 1.0 0.0
     memory in stuck 1.0 0.2
@@ -53,9 +53,9 @@ const STOPPING: &str = "
     memory in delay 60.0 0.0 100000.0";
 
 #[test]
-fn a_line_that_a_fault_has_stopped_ends_a_loopback_in_seconds() {
+fn a_line_stopped_by_a_fault_ends_a_loopback_in_seconds() {
     let rows: Vec<&str> = STOPPING.trim().lines().collect();
-    // They wait most of the time.
+    // In parallel, since they mostly wait.
     for together in rows.chunks(9) {
         std::thread::scope(|scope| {
             for stopping in together {
@@ -88,12 +88,12 @@ fn ends_in_seconds(stopping: &str) {
     let reported =
         format!("{link}: nothing passes any more: the fault {kind}, {direction} {lasts}");
     let ended = ended.says(&[&reported, " packet", remedy]);
-    // 5 s without a frame; a busy machine needs time for the frames before.
+    // 5 s without a frame, and a margin for the frames before on a busy machine.
     assert!(took < Duration::from_secs(60), "{took:?}: {}", ended.all());
     has(&here.read("v.xml"), &["<testcase name=\"run\"", &reported]);
 }
 
-/// A folder with a run file with a free port.
+/// A folder with a run file that uses a free port.
 fn folder() -> Folder {
     Folder::with(&[("run.toml", "[run]\nlink = \"udp://127.0.0.1:0\"\n")])
 }
@@ -103,7 +103,7 @@ fn started(here: &Folder, flags: &str) -> Process {
 }
 
 #[test]
-fn a_run_waits_for_a_client_and_for_its_end_only_so_long() {
+fn a_run_has_timeouts_for_its_client_and_its_end() {
     let here = folder();
     for (flags, says) in rows(
         "--wait-for-client 0.2    | no client has come within 0.2 s
@@ -113,15 +113,15 @@ fn a_run_waits_for_a_client_and_for_its_end_only_so_long() {
         let ended = started(&here, flags).end();
         ended.exits(i32::from(!says.is_empty())).logs(&says);
     }
-    // What is no packet of the wire is no client.
-    let stranger = started(&here, "--wait-for-client 1");
+    // The sender of an invalid packet is no client.
+    let process = started(&here, "--wait-for-client 1");
     let socket = std::net::UdpSocket::bind("127.0.0.1:0").unwrap();
-    let to = stranger.address.strip_prefix("udp://").unwrap();
+    let to = process.address.strip_prefix("udp://").unwrap();
     socket.send_to(b"hello, is anybody there?", to).unwrap();
-    stranger.end().exits(1);
-    // A frame that its client does not grant is given up after 2 s; one that a slow link still carries
-    // ends with the time: 5 kB at 1.25 kB/s.
-    for (rate, packets, timeout_s, least_s) in [("", 0, 60, 0), ("?rate_mbit=0.01", 1000, 3, 3)] {
+    process.end().exits(1);
+    // A frame without credit is abandoned after 2 s; a frame on a slow link at the timeout: 5 kB at
+    // 1.25 kB/s.
+    for (rate, packets, timeout_s, min_s) in [("", 0, 60, 0), ("?rate_mbit=0.01", 1000, 3, 3)] {
         let link = format!("--link udp://127.0.0.1:0{rate} --output windows");
         let begun = Instant::now();
         let served = started(&here, &format!("--timeout {timeout_s} --frames 1 {link}"));
@@ -132,7 +132,7 @@ fn a_run_waits_for_a_client_and_for_its_end_only_so_long() {
         let ended = served.end().exits(1).logs(&["0 of 1 frame sent"]);
         assert!(!ended.log.contains("does not read"), "{}", ended.log);
         let took = begun.elapsed().as_secs();
-        assert!((least_s..least_s + 20).contains(&took), "{took} s");
+        assert!((min_s..min_s + 20).contains(&took), "{took} s");
     }
     let served = started(&here, "--wait-for-client 5 --timeout 60 --frames 2");
     let mut client = served.udp_client();
@@ -142,9 +142,9 @@ fn a_run_waits_for_a_client_and_for_its_end_only_so_long() {
 }
 
 #[test]
-fn the_ready_file_says_where_links_listen_and_goes_with_the_run() {
+fn the_ready_file_has_the_addresses_until_the_end_of_the_run() {
     let here = folder();
-    // A killed run has left one.
+    // A file of a killed run.
     here.write("ready.json", "{ \"pid\": 1, \"links\": [] }");
     let running = started(&here, "--ready-file ready.json --metrics 127.0.0.1:0");
     crate::support::await_that("the file is there", || {
