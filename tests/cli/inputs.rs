@@ -253,9 +253,10 @@ fn a_port_that_is_not_permitted() {
 #[test]
 fn buses() {
     // A kernel without CAN reports that; a kernel with CAN reports the missing interface.
-    let remedy = match std::path::Path::new("/proc/net/can").exists() {
-        true => "ip link add dev nosuchcan0 type vcan",
-        false => "use slcan",
+    let remedy = if std::path::Path::new("/proc/net/can").exists() {
+        "ip link add dev nosuchcan0 type vcan"
+    } else {
+        "use slcan"
     };
     refuses(
         "run --config seed.toml --link",

@@ -173,9 +173,10 @@ fn foreign_files_are_replaced_only_with_force() {
     for case in cases() {
         let (here, words) = (case.folder(), &case.words);
         here.write(&case.file, "mine");
-        let says = match case.is_recognised {
-            true => "did not make",
-            false => "exists already; element sets, camera files and CAN logs",
+        let says = if case.is_recognised {
+            "did not make"
+        } else {
+            "exists already; element sets, camera files and CAN logs"
         };
         here.run(words).exits(1).says(&[says, "--force"]);
         assert_eq!(here.read(&case.file), "mine", "{words}");

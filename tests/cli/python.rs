@@ -18,9 +18,10 @@ const STATE: &str = "-4340.768444,848.975278,-5362.534303,5.544406469,-3.0227404
 
 /// The emulator of a run file whose keys before `[run]` are `keys`.
 fn emulator(here: &Folder, keys: &str, run: &str, flags: &str) -> Process {
-    let link = match run.contains("link = ") {
-        true => "",
-        false => "link = \"udp://127.0.0.1:0\"\n",
+    let link = if run.contains("link = ") {
+        ""
+    } else {
+        "link = \"udp://127.0.0.1:0\"\n"
     };
     here.write("run.toml", format!("{keys}\n[run]\n{link}{run}\n"));
     Process::listening(here, &format!("run --config run.toml {flags}"))

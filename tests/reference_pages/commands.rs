@@ -130,9 +130,10 @@ impl Entry {
             let values: Vec<String> = values.split(", ").map(code).collect();
             text = format!("{}: {}", text.trim(), values.join(", "));
         }
-        let default = match default.contains(' ') || default.is_empty() {
-            true => prose(&default),
-            false => code(&default),
+        let default = if default.contains(' ') || default.is_empty() {
+            prose(&default)
+        } else {
+            code(&default)
         };
         row(&[&code(&self.name), &default, &prose(&text)])
     }

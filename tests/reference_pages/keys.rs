@@ -89,9 +89,10 @@ impl Keys {
     ) -> String {
         if let Some(reference) = node["$ref"].as_str() {
             let target = self.schema.pointer(&reference[1..]).unwrap();
-            return match reference.ends_with("/UTC") {
-                true => "UTC time".to_string(),
-                false => self.allowed(target, node, path, inner),
+            return if reference.ends_with("/UTC") {
+                "UTC time".to_string()
+            } else {
+                self.allowed(target, node, path, inner)
             };
         }
         if let Some(choices) = [&node["anyOf"], &node["oneOf"]]
@@ -205,12 +206,11 @@ fn either(mut choices: Vec<String>) -> String {
     choices.dedup();
     let has_commas = choices.iter().any(|one| one.contains(", "));
     let last = choices.pop().unwrap_or_default();
-    match choices.is_empty() {
-        true => last,
-        false => {
-            let between = if has_commas { " or " } else { ", " };
-            format!("{} or {last}", choices.join(between))
-        }
+    if choices.is_empty() {
+        last
+    } else {
+        let between = if has_commas { " or " } else { ", " };
+        format!("{} or {last}", choices.join(between))
     }
 }
 
@@ -251,9 +251,10 @@ fn rule(rule: &Value) -> String {
     let not = &rule["not"];
     if let Some([one, other]) = not["allOf"].as_array().map(Vec::as_slice) {
         let [key, other_key] = [one, other].map(key_of);
-        return match other["properties"][&other_key]["allOf"].is_array() {
-            true => format!("`{key}` excludes several `{other_key}`."),
-            false => format!("`{key}` and `{other_key}` exclude each other."),
+        return if other["properties"][&other_key]["allOf"].is_array() {
+            format!("`{key}` excludes several `{other_key}`.")
+        } else {
+            format!("`{key}` and `{other_key}` exclude each other.")
         };
     }
     if not.is_object() {
@@ -271,11 +272,12 @@ fn rule(rule: &Value) -> String {
     } else {
         needs.join(", ")
     };
-    match others.is_empty() {
-        true => format!("`{key} = {kind}` needs {needs}."),
-        false => format!(
+    if others.is_empty() {
+        format!("`{key} = {kind}` needs {needs}.")
+    } else {
+        format!(
             "`{key} = {kind}` needs {needs}; it excludes {}.",
             others.join(", ")
-        ),
+        )
     }
 }

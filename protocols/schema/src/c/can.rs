@@ -213,14 +213,15 @@ static inline skyloop_error_t skyloop_can_decode_attitude(skyloop_can_attitude_t
 /// Both functions of a packet that is one frame: a short command or an Ack.
 fn short(frame: &CanFrame) -> String {
     let is_command = frame.group == "command";
-    let (packet, link, is_short) = match is_command {
-        true => (
+    let (packet, link, is_short) = if is_command {
+        (
             "command",
             "uplink",
             "const uint8_t opcode = in->as.command.opcode;\n\
              const bool is_short = skyloop_can_is_short(opcode);\n",
-        ),
-        false => ("ack", "downlink", "const bool is_short = true;\n"),
+        )
+    } else {
+        ("ack", "downlink", "const bool is_short = true;\n")
     };
     let (id, apid) = (upper(&frame.name), upper(packet));
     let fill = fill(frame, &format!("SKYLOOP_CAN_{id}"), |of| match of {

@@ -23,9 +23,12 @@ pub(super) fn known(schema: &Schema) -> String {
 /// Readers, writers and range checks of all records, and codecs of the two directions.
 pub(super) fn write(schema: &Schema) -> String {
     let records = schema.structs.iter().chain(&schema.messages);
-    let records = each(records, |record| match record.opcodes.is_empty() {
-        true => functions(schema, record),
-        false => commands(record),
+    let records = each(records, |record| {
+        if record.opcodes.is_empty() {
+            functions(schema, record)
+        } else {
+            commands(record)
+        }
     });
     let directions = each(DIRECTIONS, |(name, receiver)| {
         let messages: Vec<&Record> = schema.to(receiver).collect();
@@ -88,9 +91,10 @@ fn functions(schema: &Schema, record: &Record) -> String {
         read += &own_read;
         write += &own_write;
     }
-    let last = match record.check {
-        true => format!("return skyloop_check_{name}(in);\n"),
-        false => "return SKYLOOP_OK;\n".to_owned(),
+    let last = if record.check {
+        format!("return skyloop_check_{name}(in);\n")
+    } else {
+        "return SKYLOOP_OK;\n".to_owned()
     };
     if valid.is_empty() && !record.check {
         valid += "(void)in;\n";

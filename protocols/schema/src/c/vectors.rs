@@ -122,11 +122,10 @@ fn good(schema: &Schema, vector: &Good) -> Result<String, String> {
         }
         for (path, literal) in numbers_of(field, value, &path)? {
             set += &format!("made.{path} = {literal};\n");
-            same += &match field.kind.is_float() {
-                true => {
-                    format!("SAME(skyloop_f64_bits(got.{path}), skyloop_f64_bits({literal}));\n")
-                }
-                false => format!("SAME(got.{path}, {literal});\n"),
+            same += &if field.kind.is_float() {
+                format!("SAME(skyloop_f64_bits(got.{path}), skyloop_f64_bits({literal}));\n")
+            } else {
+                format!("SAME(got.{path}, {literal});\n")
             };
         }
     }
