@@ -1,7 +1,7 @@
-//! Packets on a CAN bus (SocketCAN or adapter): the emulator's end of a carrier.
+//! The emulator's end of a CAN bus (SocketCAN or adapter) that carries packets.
 
 use super::error::LinkError;
-use super::inbox::{Inbound, Intake, inbox};
+use super::inbox::{Inbound, InboxSender, inbox};
 use super::kind::{AroundBus, Options};
 use super::outbox::{self, Outbound};
 use super::tally::{Tally, count, is_of_frame};
@@ -18,10 +18,10 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::mpsc::{Receiver, TryRecvError};
 use std::time::Instant;
 
-/// The bus of a loopback at `place`: FD at the highest rates, unless the URL says otherwise.
+/// Settings of a loopback bus at `place`: by default FD at the highest rates.
 ///
 /// # Errors
-/// The reason, if an option is wrong.
+/// An option of the URL is wrong; the reason.
 pub(super) fn loopback_settings(url: &Address, place: &str) -> Result<Settings, String> {
     let mut settings = Settings::new(place);
     (settings.rates.bitrate, settings.rates.load) = (1_000_000, 1.0);
@@ -32,7 +32,7 @@ pub(super) fn loopback_settings(url: &Address, place: &str) -> Result<Settings, 
     Ok(settings)
 }
 
-/// Opens the bus of `settings`, reopens it when it is gone, and carries packets over it.
+/// Opens the bus of `settings` and carries packets over it; reopens it after a loss.
 pub(super) fn open(
     url: &Address,
     options: &Options,
@@ -44,7 +44,7 @@ pub(super) fn open(
     start(url, options, bus, Some(opener), settings)
 }
 
-/// Carries packets over an open bus; with an `opener` the link survives that the bus goes.
+/// Carries packets over an open bus; with an `opener` the link survives a lost bus.
 pub(super) fn start(
     url: &Address,
     options: &Options,
@@ -66,7 +66,7 @@ pub(super) fn start(
         arrivals,
         tally: tally.clone(),
         address: address.clone(),
-        told: false,
+        is_error_logged: false,
     };
     let node = Node::new(Side::Emulator, settings.fd);
     let started = carrier::start(&url.scheme, bus, opener, node, settings.rates, end);
@@ -87,7 +87,7 @@ pub(super) fn start(
     })
 }
 
-/// Puts instruments around an open bus, and each time it is opened again.
+/// Wraps instruments around an open bus, and around each reopened one.
 fn around(
     around: AroundBus,
     bus: Box<dyn CanBus>,
@@ -98,15 +98,15 @@ fn around(
     (bus, opener)
 }
 
-/// The carrier's end.
+/// The carrier's access to the queues and counters.
 struct End {
     departures: Receiver<Outbound>,
-    arrivals: Intake,
+    arrivals: InboxSender,
     watch: Box<dyn Fn() -> bool + Send>,
     tally: Arc<Tally>,
     address: String,
-    /// Whether the log tells already that the bus is in trouble.
-    told: bool,
+    /// Whether the log already reports errors on the bus.
+    is_error_logged: bool,
 }
 
 impl Above for End {
@@ -121,7 +121,7 @@ impl Above for End {
     }
 
     fn arrived(&mut self, packet: &[u8], at: Instant) -> bool {
-        self.told = false;
+        self.is_error_logged = false;
         self.arrivals.push(Inbound::new(0, packet, at)).is_ok()
     }
 
@@ -133,22 +133,23 @@ impl Above for End {
         if is_sent {
             self.tally.done();
         } else {
-            self.tally.let_go(is_of_frame(&packet), Unsent::NotRead);
+            self.tally
+                .finish_unsent(is_of_frame(&packet), Unsent::NotRead);
         }
     }
 
     fn note(&mut self, note: Note) {
         let tally = &self.tally;
         let address = &self.address;
-        let some = |counter: &AtomicU32, more| {
+        let add = |counter: &AtomicU32, more| {
             counter.fetch_add(more, Ordering::Relaxed);
         };
         match note {
             Note::Moved(bytes) => tally.moved(bytes),
-            Note::Unsent(more) => some(&tally.lost, more),
-            Note::Incomplete(more) => some(&tally.incomplete, more),
-            Note::Oversize(more) => some(&tally.oversize, more),
-            Note::Garbled(more) => some(&tally.bad_framing, more),
+            Note::Unsent(more) => add(&tally.lost, more),
+            Note::Incomplete(more) => add(&tally.incomplete, more),
+            Note::Oversize(more) => add(&tally.oversize, more),
+            Note::Garbled(more) => add(&tally.bad_framing, more),
             Note::Trouble(Trouble::BusOff) => {
                 count(&tally.bus_off);
                 count(&tally.bus_errors);
@@ -157,21 +158,19 @@ impl Above for End {
                 } else {
                     "it waits for a restart (`ip link set NAME type can restart-ms 100` makes it automatic)"
                 };
-                tracing::warn!(
-                    "{address}: bus-off, the controller has left the bus after too many errors: {restart}"
-                );
+                tracing::warn!("{address}: bus-off, too many errors: {restart}");
             }
             Note::Trouble(Trouble::Restarted) => tracing::warn!("{address}: on the bus again"),
             Note::Trouble(Trouble::Error) => {
                 count(&tally.bus_errors);
-                if !std::mem::replace(&mut self.told, true) {
+                if !std::mem::replace(&mut self.is_error_logged, true) {
                     tracing::warn!(
-                        "{address}: errors on the bus: check its bit rate, its termination, and that another node is there to acknowledge"
+                        "{address}: errors on the bus: check the bit rate, the termination, and that another node acknowledges"
                     );
                 }
             }
-            Note::Gone(error) => tracing::warn!("{address} has gone ({error}): waiting for it"),
-            // The other end of a loopback has hung up.
+            Note::Gone(error) => tracing::warn!("{address} is lost ({error}): trying to reopen it"),
+            // The other end of a loopback closed.
             Note::Ended(error) => tracing::debug!("{address} has ended: {error}"),
             Note::Back => {
                 count(&tally.reconnects);
@@ -181,7 +180,6 @@ impl Above for End {
     }
 }
 
-/// The error for a bus that cannot be opened.
 pub(super) fn refused(url: &Address, settings: &Settings, source: Refusal) -> LinkError {
     let url = if url.target.is_empty() {
         format!("{}://{}", url.scheme, settings.place)

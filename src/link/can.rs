@@ -19,7 +19,6 @@ pub const CAN: Link = Link {
     loopback,
 };
 
-/// The interface of a loopback.
 const VIRTUAL: &str = "vcan0";
 
 fn open(url: &Address, options: &Options) -> Result<Wire, OpenError> {
@@ -27,7 +26,7 @@ fn open(url: &Address, options: &Options) -> Result<Wire, OpenError> {
     Ok(wire)
 }
 
-/// Both ends on the virtual interface that the user has set up.
+/// Both ends on the virtual interface, which the user must have set up.
 fn loopback(url: &Address, options: &Options) -> Result<BothEnds, OpenError> {
     let settings = bus::loopback_settings(url, VIRTUAL)?;
     let wire = bus::open(url, options, &settings, socket::open)?;

@@ -8,30 +8,30 @@ use thiserror::Error;
 /// Why a link cannot be opened or used.
 #[derive(Debug, Error)]
 pub enum LinkError {
-    /// The URL is not one.
+    /// Invalid URL.
     #[error("link {url:?}: {reason}; write for example {examples}")]
     Url {
         /// As given.
         url: String,
-        /// What is wrong with it.
+        /// The problem.
         reason: String,
         /// Correct URLs.
         examples: String,
     },
-    /// The system refuses.
+    /// The system refused to open it.
     #[error("link {url}: {source}")]
     Refused {
         /// As given.
         url: String,
-        /// What was tried, what the system says, what to do.
+        /// Attempted action, system error and remedy.
         source: Refusal,
     },
-    /// The link's own threads have ended.
+    /// The threads of the link have ended.
     #[error("link {0}: it has closed; open it again")]
     Closed(String),
 }
 
-/// Why the link of an address cannot be opened.
+/// Why a link cannot be opened from an address.
 pub type OpenError = skyloop_firmware_sim::address::OpenError<LinkError>;
 
 impl From<LinkError> for OpenError {

@@ -1,21 +1,20 @@
-//! Messages of the log that may come often: the first at once, later ones together.
+//! Rate limit for log messages: the first at once, later ones summed up.
 
 use std::time::{Duration, Instant};
 
-/// Between two messages of one kind.
+/// Minimum interval between two messages of one kind.
 const INTERVAL: Duration = Duration::from_secs(10);
 
-/// When a kind of message is due.
+/// Rate limit of one kind of message.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Every {
     last: Option<Instant>,
-    /// Events that no message has reported.
+    /// Events not yet reported.
     unreported: u32,
 }
 
 impl Every {
-    /// Counts an event. If a message is due: the number of events since the last, this one
-    /// included.
+    /// Counts an event. If a message is due, returns the number of events since the last message.
     pub fn count(&mut self, now: Instant) -> Option<u32> {
         self.unreported = self.unreported.saturating_add(1);
         let passed = self.last.map(|last| now.saturating_duration_since(last));
@@ -32,7 +31,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_first_event_is_reported_at_once_and_the_next_together() {
+    fn first_event_is_reported_at_once_and_later_ones_summed() {
         let (mut every, begin) = (Every::default(), Instant::now());
         let at = |ms| begin + Duration::from_millis(ms);
         let reported = [0, 1, 9_999, 10_000, 10_001, 25_000].map(|ms| every.count(at(ms)));

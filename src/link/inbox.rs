@@ -1,5 +1,5 @@
-//! The inbound queue: bounded, and never blocks the wire. A flood drops the oldest attitudes, which
-//! newer ones replace; every lost packet is counted.
+//! The inbound queue: bounded, and never blocks the wire. A full queue drops the oldest attitudes,
+//! as newer ones replace them; every lost packet is counted.
 
 use super::lock::lock;
 use super::tally::{Tally, count};
@@ -12,17 +12,17 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::Thread;
 use std::time::{Duration, Instant};
 
-/// Packets in a queue; beyond this the sender waits and the receiver drops the oldest (and counts).
+/// Capacity of a packet queue. When full, senders wait, and receivers drop and count the oldest.
 pub const QUEUE: usize = 256;
 
 /// A packet from a client.
 #[derive(Debug, Clone)]
 pub struct Inbound {
-    /// Which exchange it belongs to: another number is another client.
+    /// Number of its exchange: another number is another client.
     pub exchange: u32,
     /// The packet.
     pub packet: Bytes,
-    /// When its last byte had arrived.
+    /// Arrival of its last byte.
     pub arrived: Instant,
 }
 
@@ -37,12 +37,12 @@ impl Inbound {
     }
 }
 
-/// A queue for what arrives: the end of the wire and the end of the emulator.
-pub fn inbox(tally: Arc<Tally>) -> (Intake, Inbox) {
+/// A queue of received packets: the wire's end and the emulator's end.
+pub fn inbox(tally: Arc<Tally>) -> (InboxSender, Inbox) {
     let shared = Arc::new(Shared {
         state: Mutex::new(State {
             waiting: VecDeque::with_capacity(QUEUE),
-            intakes: 1,
+            senders: 1,
             read: true,
             reader: None,
         }),
@@ -50,48 +50,48 @@ pub fn inbox(tally: Arc<Tally>) -> (Intake, Inbox) {
         tally,
     });
     (
-        Intake {
+        InboxSender {
             shared: shared.clone(),
         },
         Inbox {
             shared,
-            looked: AtomicBool::new(false),
+            polled_empty: AtomicBool::new(false),
             observers: Vec::new(),
         },
     )
 }
 
 /// The wire's end. Several threads may have one.
-pub struct Intake {
+pub struct InboxSender {
     shared: Arc<Shared>,
 }
 
 /// The emulator's end.
 pub struct Inbox {
     shared: Arc<Shared>,
-    /// Whether the emulator has looked in vain since the last packet.
-    looked: AtomicBool,
+    /// Whether the emulator has polled the empty queue since the last packet.
+    polled_empty: AtomicBool,
     observers: Vec<Box<dyn Observer>>,
 }
 
-/// Sees how the emulator takes packets.
+/// Observes how the emulator takes packets.
 pub trait Observer: Send + Sync {
-    /// It takes a packet; `first`: it had looked for one in vain since the last.
+    /// The emulator takes a packet; `first`: it had polled the empty queue before.
     fn taken(&self, inbound: &Inbound, first: bool);
 
-    /// It looks in vain.
+    /// The emulator polls the empty queue.
     fn empty(&self) {}
 
-    /// It begins to make a frame, or ends.
+    /// The emulator begins or ends the rendering of a frame.
     fn making(&self, _is: bool) {}
 
-    /// Whether the current frame must not end before another packet is taken, as recorded.
+    /// Whether, as recorded, the current frame must not end before another packet is taken.
     fn holds_frame(&self) -> bool {
         false
     }
 }
 
-/// The emulator has dropped its end.
+/// The emulator has closed its end.
 #[derive(Debug)]
 pub struct Gone;
 
@@ -103,11 +103,11 @@ struct Shared {
 
 struct State {
     waiting: VecDeque<Inbound>,
-    /// Ends of the wire.
-    intakes: usize,
-    /// Whether the emulator still has its end.
+    /// Number of senders.
+    senders: usize,
+    /// Whether the emulator's end is open.
     read: bool,
-    /// The thread that waits for this queue and others.
+    /// The thread to unpark, which waits for several queues.
     reader: Option<Thread>,
 }
 
@@ -123,9 +123,9 @@ impl Shared {
     }
 }
 
-impl Intake {
-    /// Queues a packet without waiting. A full queue drops and counts its oldest attitude, or else
-    /// its oldest packet.
+impl InboxSender {
+    /// Queues a packet without waiting. A full queue drops and counts its oldest attitude, else its
+    /// oldest packet.
     pub fn push(&self, inbound: Inbound) -> Result<(), Gone> {
         let mut state = lock(&self.shared.state);
         if !state.read {
@@ -141,7 +141,7 @@ impl Intake {
         Ok(())
     }
 
-    /// Tells whether the emulator still has its end: for a thread that brings no packets.
+    /// A function that returns whether the emulator's end is open, for threads without a sender.
     pub fn watch(&self) -> impl Fn() -> bool + Send + use<> {
         let shared = self.shared.clone();
         move || lock(&shared.state).read
@@ -152,31 +152,30 @@ fn is_attitude(inbound: &Inbound) -> bool {
     identify(&inbound.packet).is_some_and(|(apid, _)| apid == apid::ATTITUDE)
 }
 
-impl Clone for Intake {
-    fn clone(&self) -> Intake {
-        lock(&self.shared.state).intakes += 1;
-        Intake {
+impl Clone for InboxSender {
+    fn clone(&self) -> InboxSender {
+        lock(&self.shared.state).senders += 1;
+        InboxSender {
             shared: self.shared.clone(),
         }
     }
 }
 
-impl Drop for Intake {
+impl Drop for InboxSender {
     fn drop(&mut self) {
         let mut state = lock(&self.shared.state);
-        state.intakes -= 1;
+        state.senders -= 1;
         self.shared.wake(state);
     }
 }
 
 impl Inbox {
-    /// Unparks `reader` at every packet and at the end of the wire, for a thread with several
-    /// queues.
+    /// Unparks `reader`, a thread with several queues, at every packet and at the end of the wire.
     pub fn unparks(&self, reader: Thread) {
         lock(&self.shared.state).reader = Some(reader);
     }
 
-    /// Lets `observer` see every packet as it is taken.
+    /// Adds an observer.
     pub fn observe(&mut self, observer: Box<dyn Observer>) {
         self.observers.push(observer);
     }
@@ -184,13 +183,13 @@ impl Inbox {
     /// The next packet, if there is one.
     pub fn try_recv(&self) -> Result<Inbound, TryRecvError> {
         let mut state = lock(&self.shared.state);
-        let (next, intakes) = (state.waiting.pop_front(), state.intakes);
+        let (next, senders) = (state.waiting.pop_front(), state.senders);
         drop(state);
         match next {
             Some(inbound) => Ok(self.observed(inbound)),
-            None if intakes == 0 => Err(TryRecvError::Disconnected),
+            None if senders == 0 => Err(TryRecvError::Disconnected),
             None => {
-                self.looked.store(true, Ordering::Relaxed);
+                self.polled_empty.store(true, Ordering::Relaxed);
                 for observer in &self.observers {
                     observer.empty();
                 }
@@ -199,20 +198,20 @@ impl Inbox {
         }
     }
 
-    /// The emulator begins to make a frame, or ends.
+    /// Notes that the emulator begins or ends the rendering of a frame.
     pub fn making(&self, is: bool) {
         for observer in &self.observers {
             observer.making(is);
         }
     }
 
-    /// Whether the frame that is made may not end before another packet is taken.
+    /// Whether the current frame must not end before another packet is taken.
     pub fn holds_frame(&self) -> bool {
         self.observers.iter().any(|one| one.holds_frame())
     }
 
     fn observed(&self, inbound: Inbound) -> Inbound {
-        let first = self.looked.swap(false, Ordering::Relaxed);
+        let first = self.polled_empty.swap(false, Ordering::Relaxed);
         for observer in &self.observers {
             observer.taken(&inbound, first);
         }
@@ -228,7 +227,7 @@ impl Inbox {
                 drop(state);
                 return Ok(self.observed(inbound));
             }
-            if state.intakes == 0 {
+            if state.senders == 0 {
                 return Err(RecvTimeoutError::Disconnected);
             }
             let left = deadline.saturating_duration_since(Instant::now());
@@ -274,7 +273,7 @@ mod tests {
         inbound(&Command::Attitude(attitude), count)
     }
 
-    /// APIDs and sequence counts of what waits.
+    /// APIDs and sequence counts of the queued packets.
     fn rest(inbox: &Inbox) -> Vec<(u16, u16)> {
         std::iter::from_fn(|| inbox.try_recv().ok())
             .map(|inbound| identify(&inbound.packet).unwrap())
@@ -282,13 +281,13 @@ mod tests {
     }
 
     #[test]
-    fn a_flood_loses_its_oldest_attitudes_and_counts_them() {
+    fn full_queue_drops_and_counts_its_oldest_attitudes() {
         let tally = Arc::new(Tally::default());
-        let (intake, inbox) = inbox(tally.clone());
-        intake.push(inbound(&Command::Ping, 9)).unwrap();
-        // 255 fill the queue, and 1000 more drop as many before them.
+        let (inbox_sender, inbox) = inbox(tally.clone());
+        inbox_sender.push(inbound(&Command::Ping, 9)).unwrap();
+        // 255 fill the queue, and 1000 more replace as many older ones.
         for count in 0..1255 {
-            intake.push(attitude(count)).unwrap();
+            inbox_sender.push(attitude(count)).unwrap();
         }
         assert_eq!(tally.counters().overflows, 1000);
         let rest = rest(&inbox);
@@ -298,11 +297,11 @@ mod tests {
     }
 
     #[test]
-    fn without_attitudes_the_oldest_packet_goes() {
+    fn without_attitudes_the_oldest_packet_is_dropped() {
         let tally = Arc::new(Tally::default());
-        let (intake, inbox) = inbox(tally.clone());
+        let (inbox_sender, inbox) = inbox(tally.clone());
         for count in 0..=QUEUE as u16 {
-            intake.push(inbound(&Command::Ping, count)).unwrap();
+            inbox_sender.push(inbound(&Command::Ping, count)).unwrap();
         }
         let rest = rest(&inbox);
         assert_eq!(
@@ -312,15 +311,15 @@ mod tests {
     }
 
     #[test]
-    fn each_end_learns_that_the_other_has_gone() {
-        let (intake, inbox) = inbox(Arc::new(Tally::default()));
-        let other = intake.clone();
+    fn each_end_detects_that_the_other_has_closed() {
+        let (inbox_sender, inbox) = inbox(Arc::new(Tally::default()));
+        let other = inbox_sender.clone();
         assert_eq!(inbox.try_recv().unwrap_err(), TryRecvError::Empty);
         let timeout = inbox.recv_timeout(Duration::from_millis(5)).unwrap_err();
         assert_eq!(timeout, RecvTimeoutError::Timeout);
         other.push(attitude(1)).unwrap();
-        drop((intake, other));
-        // What had come is still there.
+        drop((inbox_sender, other));
+        // Queued packets can still be read.
         assert!(inbox.recv_timeout(Duration::ZERO).is_ok());
         let gone = inbox.recv_timeout(Duration::from_secs(20)).unwrap_err();
         assert_eq!(gone, RecvTimeoutError::Disconnected);
@@ -328,20 +327,20 @@ mod tests {
     }
 
     #[test]
-    fn an_emulator_that_has_gone_takes_nothing() {
-        let (intake, inbox) = inbox(Arc::new(Tally::default()));
-        let is_wanted = intake.watch();
+    fn closed_emulator_accepts_nothing() {
+        let (inbox_sender, inbox) = inbox(Arc::new(Tally::default()));
+        let is_wanted = inbox_sender.watch();
         assert!(is_wanted());
         drop(inbox);
-        assert!(!is_wanted() && intake.push(attitude(1)).is_err());
+        assert!(!is_wanted() && inbox_sender.push(attitude(1)).is_err());
     }
 
     #[test]
-    fn a_packet_wakes_who_waits_for_it() {
-        let (intake, inbox) = inbox(Arc::new(Tally::default()));
+    fn packet_wakes_the_waiting_thread() {
+        let (inbox_sender, inbox) = inbox(Arc::new(Tally::default()));
         let waiting = std::thread::spawn(move || inbox.recv_timeout(Duration::from_secs(20)));
         std::thread::sleep(Duration::from_millis(20));
-        intake.push(attitude(7)).unwrap();
+        inbox_sender.push(attitude(7)).unwrap();
         let inbound = waiting.join().unwrap().unwrap();
         assert_eq!(identify(&inbound.packet), Some((apid::ATTITUDE, 7)));
     }

@@ -1,4 +1,4 @@
-//! What each kind of link has in common.
+//! The interface of all kinds of links.
 
 use super::error::{LinkError, OpenError};
 use super::tally::Tally;
@@ -18,9 +18,9 @@ pub struct Link {
     pub scheme: &'static str,
     /// An example of its URL, for messages.
     pub example: &'static str,
-    /// Whether it is a CAN bus: faults and recordings stand at its frames, not at the packets.
+    /// Whether it is a CAN bus: faults and recordings apply to its frames, not to packets.
     pub is_bus: bool,
-    /// The options that its URLs may have, besides `roles`.
+    /// Options of its URLs, besides `roles`.
     pub keys: &'static [&'static str],
     /// Opens the emulator's end.
     pub open: fn(&Address, &Options) -> Result<Wire, OpenError>,
@@ -34,11 +34,11 @@ pub type BothEnds = (Wire, Box<dyn Port + Send>);
 /// How a link treats packets.
 #[derive(Clone)]
 pub struct Options {
-    /// After this silence a client may be replaced by another.
+    /// Silence after which another client may replace the present one.
     pub idle: Duration,
-    /// The wire language. Only a packet that it can read makes its sender the client.
+    /// The wire language. Only a valid packet makes its sender the client.
     pub personality: &'static Personality,
-    /// What stands between a CAN bus and its link.
+    /// Instruments between a CAN bus and its link.
     pub bus: Option<BusInstruments>,
 }
 
@@ -53,22 +53,22 @@ impl Default for Options {
     }
 }
 
-/// Puts something around an open bus.
+/// Wraps an instrument around an open bus.
 pub type AroundBus = Box<dyn Fn(Box<dyn CanBus>) -> Box<dyn CanBus> + Send>;
 
-/// Makes what is put around a bus at an address whose link has this tally.
+/// Makes the instrument of a bus from its address and tally.
 pub type AtBus = dyn Fn(&str, &Arc<Tally>) -> AroundBus + Send + Sync;
 
-/// What stands between a CAN bus and its link: faults, a recording.
+/// Instruments between a CAN bus and its link: faults, a recording.
 #[derive(Clone)]
 pub struct BusInstruments {
-    /// What is put around the bus, each time it is opened.
+    /// Makes the instruments each time the bus is opened.
     pub at: Arc<AtBus>,
     /// Whether faults are injected.
     pub faults: bool,
 }
 
-/// Starts a thread of the link that `url` names.
+/// Starts a thread of the link at `url`.
 pub(super) fn thread(
     url: &Address,
     name: &str,

@@ -1,5 +1,6 @@
-//! Links. Each carries whole packets between its own threads and two bounded queues. It only checks
-//! whether a packet is valid or part of a frame. A new link is a file here and a row in [`LINKS`].
+//! Links. Each carries whole packets between its own threads and two bounded queues. Of their
+//! contents it only checks validity and whether they belong to a frame. A new link is a file here
+//! and a row in [`LINKS`].
 
 #![cfg_attr(not(test), warn(clippy::disallowed_methods))]
 
@@ -37,7 +38,7 @@ mod wire;
 pub use error::{LinkError, OpenError};
 pub use every::Every;
 pub use inbox::QUEUE;
-pub use inbox::{Inbound, Inbox, Intake};
+pub use inbox::{Inbound, Inbox, InboxSender};
 pub use kind::{AroundBus, AtBus, BothEnds, BusInstruments, Link, Options};
 pub use lock::lock;
 pub use outbox::FAULT_REFUSED;
@@ -48,11 +49,11 @@ pub use relay::{Relay, relay};
 pub use skyloop_firmware_sim::address::Address;
 pub use skyloop_firmware_sim::roles::Roles;
 pub use tally::{Airtime, Tally};
-pub use tally::{Harm, SOON, Standstill, is_of_frame, timeout};
+pub use tally::{FaultEffect, SOON, Standstill, is_of_frame, timeout};
 pub use tx_complete::{Exit, Mark, Unsent};
 pub use wire::Wire;
 
-/// Every link.
+/// All kinds of links.
 pub const LINKS: &[Link] = &[
     memory::MEMORY,
     udp::UDP,
@@ -68,22 +69,22 @@ pub fn open(url: &str, options: &Options) -> Result<Wire, LinkError> {
     Known::of(url)?.open(options)
 }
 
-/// Opens the emulator's ends of a run's links. One of them, and no more, brings the truth.
+/// Opens the emulator's ends of a run's links. Exactly one of them carries the truth.
 pub fn open_all(urls: &[String], options: &Options) -> Result<Vec<(Wire, Roles)>, LinkError> {
     open_each(&with_roles(urls)?, options)
 }
 
-/// Opens the emulator's ends of a further camera's links, which bring its frames and not the truth.
+/// Opens the emulator's ends of a further camera's links, which carry its frames and no truth.
 pub fn open_further(urls: &[String], options: &Options) -> Result<Vec<(Wire, Roles)>, LinkError> {
     open_each(&with_further_roles(urls)?, options)
 }
 
-/// Errors: those of [`open_all`] that need no opening.
+/// Errors: those of [`open_all`] that are known without opening.
 pub fn check_all(urls: &[String]) -> Result<(), LinkError> {
     with_roles(urls).map(drop)
 }
 
-/// Errors: those of [`open_further`] that need no opening.
+/// Errors: those of [`open_further`] that are known without opening.
 pub fn check_further(urls: &[String]) -> Result<(), LinkError> {
     with_further_roles(urls).map(drop)
 }
@@ -95,7 +96,7 @@ pub fn check_scheme(text: &str) -> Result<(), LinkError> {
     Known::of(text).map(drop)
 }
 
-/// An address and the link that it names, whose options it has.
+/// An address with valid options, and its kind of link.
 struct Known {
     link: &'static Link,
     address: Address,
@@ -156,7 +157,7 @@ fn with_roles(urls: &[String]) -> Result<Vec<(Known, Roles)>, LinkError> {
         }
         (None, None, Some((first, _))) => {
             let reason =
-                "no link has the role truth, so no attitude could come; give one roles=truth";
+                "no link has the role truth, so no attitude can arrive; give one roles=truth";
             Err(first.wrong_roles(reason, "truth"))
         }
         _ => Ok(links),
@@ -168,7 +169,7 @@ fn with_further_roles(urls: &[String]) -> Result<Vec<(Known, Roles)>, LinkError>
         let link = Known::of(url)?;
         let roles = link.roles()?;
         if roles.truth && roles != Roles::ALL {
-            let reason = "a further camera hears of the vehicle over the first one's link; give it roles=pixels+labels, or none";
+            let reason = "a further camera gets the vehicle's state over the first camera's link; give it roles=pixels+labels, or none";
             return Err(link.wrong_roles(reason, "pixels+labels"));
         }
         let truth = false;
@@ -177,7 +178,7 @@ fn with_further_roles(urls: &[String]) -> Result<Vec<(Known, Roles)>, LinkError>
     urls.iter().map(further).collect()
 }
 
-/// Opens both ends of the link that `text` names: a scheme, and options behind a question mark.
+/// Opens both ends of the link `text`: a scheme, and options after a question mark.
 pub fn loopback(text: &str, options: &Options) -> Result<BothEnds, LinkError> {
     let scheme = text.split('?').next().unwrap_or(text);
     let link = by_scheme(scheme).ok_or_else(|| {
@@ -229,7 +230,7 @@ fn wrong(url: &str, reason: String) -> LinkError {
     }
 }
 
-/// What tests of several links use.
+/// Helpers of the tests of several links.
 #[cfg(test)]
 pub(crate) mod fixture {
     use super::{Options, Outbound, Wire};
@@ -240,7 +241,7 @@ pub(crate) mod fixture {
 
     pub const TIMEOUT: Duration = Duration::from_secs(20);
 
-    /// Packets of the native language and no bus.
+    /// Native packets and no bus.
     pub fn options() -> Options {
         Options {
             idle: TIMEOUT,
@@ -249,14 +250,14 @@ pub(crate) mod fixture {
         }
     }
 
-    /// A packet as a line carries it.
+    /// A packet as a serial line carries it.
     pub fn framed(packet: &[u8]) -> Vec<u8> {
         let mut line = Vec::new();
         slip::encode(packet, &mut |byte| line.push(byte));
         line
     }
 
-    /// Queues a packet, which must find room.
+    /// Queues a packet; panics if the queue is full.
     pub fn offer(wire: &mut Wire, exchange: u32, packet: &[u8]) {
         let packet = Bytes::copy_from_slice(packet);
         let full = wire.outbox.offer(Outbound::Packet { exchange, packet });

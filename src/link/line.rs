@@ -1,7 +1,7 @@
 //! Packets on a serial line or pseudo-terminal: SLIP frames in both directions.
 
 use super::error::LinkError;
-use super::inbox::{Gone, Inbound, Intake, inbox};
+use super::inbox::{Gone, Inbound, InboxSender, inbox};
 use super::kind::thread;
 use super::outbox::{self, Outbound};
 use super::tally::{Airtime, Tally, count};
@@ -14,10 +14,10 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, TryRecvError};
 use std::time::{Duration, Instant};
 
-/// How long a thread of a line waits before it looks whether the link is still wanted.
+/// Interval at which the threads of a line check for the end of the link.
 pub(super) const READ_TIMEOUT: Duration = Duration::from_millis(100);
 
-/// 10 bit times a byte: the packet, its CRC-32, two ENDs, and an escape for two bytes in 256.
+/// Time of a packet at 10 bit times a byte, with CRC-32, two ENDs, and escapes for 2 bytes in 256.
 pub(super) fn airtime(baud: u32) -> Airtime {
     Arc::new(move |bytes| {
         let framed = bytes as f64 + 4.0;
@@ -26,9 +26,9 @@ pub(super) fn airtime(baud: u32) -> Airtime {
     })
 }
 
-/// Starts the two threads of the line at `address`, called `NAME-read` and `NAME-write`. `read` runs
-/// until its flag is set, which happens when `write` has ended. `write` gets the queue, and a function
-/// that says whether the emulator still reads.
+/// Starts the two threads of the line at `address`, named `NAME-read` and `NAME-write`. `read` runs
+/// until its flag is set at the end of `write`. `write` gets the queue, and a function that returns
+/// whether the emulator's end is open.
 pub(super) fn start(
     url: &Address,
     name: &str,
@@ -55,34 +55,34 @@ pub(super) fn start(
     })
 }
 
-/// Bytes to packets.
+/// Decodes bytes to packets.
 pub(super) struct PacketReader {
     decoder: slip::Decoder<{ slip::BUFFER }>,
-    /// Frames without a packet since the last packet.
+    /// Number of invalid frames since the last packet.
     bad: u32,
-    /// Whether there ever was a packet.
-    heard: bool,
-    arrivals: Intake,
+    /// Whether a packet has ever arrived.
+    has_received: bool,
+    arrivals: InboxSender,
     tally: Arc<Tally>,
 }
 
 impl PacketReader {
-    pub fn new(arrivals: Intake, tally: Arc<Tally>) -> PacketReader {
+    pub fn new(arrivals: InboxSender, tally: Arc<Tally>) -> PacketReader {
         PacketReader {
             decoder: slip::Decoder::new(),
             bad: 0,
-            heard: false,
+            has_received: false,
             arrivals,
             tally,
         }
     }
 
-    /// Forgets what has come of a frame: the line was lost in it.
+    /// Drops an incomplete frame after a loss of the line.
     pub fn restart(&mut self) {
         self.decoder = slip::Decoder::new();
     }
 
-    /// Queues the packets that end in `octets`; counts the frames that hold none.
+    /// Queues the packets that end in `bytes`; counts invalid frames.
     pub fn receive(&mut self, bytes: &[u8], exchange: u32) -> Result<(), Gone> {
         for byte in bytes {
             match self.decoder.push(*byte) {
@@ -94,17 +94,17 @@ impl PacketReader {
                         FrameError::BadEscape { .. } => &self.tally.bad_framing,
                         FrameError::BadCrc32 { .. } => &self.tally.bad_crc,
                     });
-                    tracing::debug!("passed over: {error}");
+                    tracing::debug!("skipped: {error}");
                     self.bad = self.bad.saturating_add(1);
-                    if self.bad == 8 || (self.bad == 1 && !self.heard) {
+                    if self.bad == 8 || (self.bad == 1 && !self.has_received) {
                         tracing::warn!(
-                            "bytes come that hold no packet: check the baud rate of both ends, and the framing \
-                             (SLIP, with a CRC-32 after the packet); -v says what is wrong with each frame"
+                            "received bytes contain no packet: check the baud rate of both ends, and the framing \
+                             (SLIP, with a CRC-32 after the packet); -v logs the error of each frame"
                         );
                     }
                 }
                 Some(Ok(packet)) => {
-                    (self.bad, self.heard) = (0, true);
+                    (self.bad, self.has_received) = (0, true);
                     let inbound = Inbound::new(exchange, packet, Instant::now());
                     self.arrivals.push(inbound)?;
                 }
@@ -114,17 +114,17 @@ impl PacketReader {
     }
 }
 
-/// What became of a frame.
+/// Result of writing a frame.
 pub(super) enum Put {
     Sent,
-    /// Not all of it.
+    /// Not sent completely.
     Lost(Unsent),
-    /// The emulator has gone.
+    /// The emulator has closed its end.
     Unwanted,
 }
 
-/// Writes queued packets to the line until the emulator closes. `put` gets the exchange, the
-/// octets, and whether the line was idle before.
+/// Writes queued packets to the line until the emulator closes. `put` gets the exchange, the bytes,
+/// and whether the line was idle before.
 pub(super) fn write(
     departures: &Receiver<Outbound>,
     tally: &Tally,
@@ -136,7 +136,7 @@ pub(super) fn write(
             Err(TryRecvError::Empty) => (departures.recv().ok(), true),
             next => (next.ok(), false),
         };
-        // A line has one client: nothing is released.
+        // Releases never come: a line has a single client.
         let Some(Outbound::Packet { exchange, packet }) = next else {
             return;
         };
@@ -156,7 +156,7 @@ mod tests {
     use crate::fixture::{TIMEOUT, framed};
 
     #[test]
-    fn a_line_ends_with_its_emulator() {
+    fn line_ends_with_its_emulator() {
         let url = Address::parse("serial://none").unwrap();
         let (done, ended) = std::sync::mpsc::channel();
         let read = move |_: PacketReader, stop: &AtomicBool| {
@@ -174,16 +174,16 @@ mod tests {
     }
 
     #[test]
-    fn a_packet_takes_ten_bit_times_an_octet() {
+    fn packet_takes_ten_bit_times_per_byte() {
         // 1400 bytes, 4 of CRC-32, 2 ENDs and 10.97 escapes: 14169.7 bits at 9600 bit/s.
         assert_eq!(airtime(9600)(1400).as_millis(), 1476);
     }
 
     #[test]
-    fn what_is_no_packet_is_counted_by_its_kind_and_passed_over() {
+    fn invalid_frames_are_counted_by_kind_and_skipped() {
         let tally = Arc::new(Tally::default());
-        let (intake, inbox) = inbox(tally.clone());
-        let mut reader = PacketReader::new(intake, tally.clone());
+        let (inbox_sender, inbox) = inbox(tally.clone());
+        let mut reader = PacketReader::new(inbox_sender, tally.clone());
         let good = framed(b"packet");
         let mut damaged = good.clone();
         damaged[2] ^= 1;

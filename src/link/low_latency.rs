@@ -1,7 +1,7 @@
-//! Asks a serial driver to hand over octets as they come, instead of a timer tick later.
+//! Low-latency mode of a serial driver: received bytes are delivered at once, not at a timer tick.
 //!
-//! Linux has it as a flag of the port (`ASYNC_LOW_LATENCY`, `setserial(8)`); an FTDI adapter then waits 1 ms instead of
-//! 16 for a full buffer. A pseudo-terminal has no such flag.
+//! Linux has a flag for it (`ASYNC_LOW_LATENCY`, `setserial(8)`): an FTDI adapter then waits 1 ms
+//! instead of 16 ms for a full buffer. A pseudo-terminal has no such flag.
 #![allow(unsafe_code, reason = "two ioctl calls that no crate wraps")]
 
 use rustix::io::Errno;
@@ -39,15 +39,16 @@ struct SerialStruct {
 
 /// Sets the flag.
 pub(super) fn request(port: &TTYPort) -> Result<(), Errno> {
-    // SAFETY: `port` keeps its descriptor open for as long as it is borrowed, here until the end of this function.
+    // SAFETY: `port` is borrowed until the end of this function, so its descriptor stays open.
     let fd = unsafe { BorrowedFd::borrow_raw(port.as_raw_fd()) };
-    // SAFETY: TIOCGSERIAL fills one `serial_struct`, which `SerialStruct` lays out as the kernel does.
+    // SAFETY: TIOCGSERIAL fills one `serial_struct`; `SerialStruct` has the same layout.
     let mut serial = unsafe { ioctl(fd, Getter::<{ TIOCGSERIAL }, SerialStruct>::new()) }?;
     if serial.flags & ASYNC_LOW_LATENCY != 0 {
         return Ok(());
     }
     serial.flags |= ASYNC_LOW_LATENCY;
-    // SAFETY: TIOCSSERIAL reads one `serial_struct`: the one that the kernel has just filled, with one flag more.
+    // SAFETY: TIOCSSERIAL reads one `serial_struct`: the one just filled by the kernel, with one
+    // more flag.
     unsafe { ioctl(fd, Setter::<{ TIOCSSERIAL }, SerialStruct>::new(serial)) }
 }
 
@@ -56,10 +57,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_pseudo_terminal_has_no_such_flag() {
+    fn pseudo_terminal_has_no_such_flag() {
         let (_master, slave) = TTYPort::pair().unwrap();
         assert_eq!(request(&slave), Err(Errno::NOTTY));
-        // X-Val: sizeof(struct serial_struct) on 64-bit Linux, of linux/serial.h.
+        // X-Val: linux/serial.h: sizeof(struct serial_struct) on 64-bit Linux.
         #[cfg(target_pointer_width = "64")]
         assert_eq!(size_of::<SerialStruct>(), 72);
     }

@@ -1,7 +1,7 @@
 //! The in-process link: two queues.
 
 use super::error::OpenError;
-use super::inbox::{Inbound, Intake, QUEUE, inbox};
+use super::inbox::{Inbound, InboxSender, QUEUE, inbox};
 use super::kind::{BothEnds, Link, Options};
 use super::outbox::{Outbound, QueueOutbox};
 use super::tally::{Tally, count};
@@ -12,17 +12,17 @@ use std::sync::Arc;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, TrySendError, sync_channel};
 use std::time::{Duration, Instant};
 
-/// The in-process link.
+/// Links within one process.
 pub const MEMORY: Link = Link {
     scheme: "memory",
     example: "memory (loopback only)",
     is_bus: false,
     keys: &[],
-    open: no_outside,
+    open: refuse_open,
     loopback,
 };
 
-fn no_outside(_: &Address, _: &Options) -> Result<Wire, OpenError> {
+fn refuse_open(_: &Address, _: &Options) -> Result<Wire, OpenError> {
     let reason = "the memory link joins two ends of one process: it works in `loopback` only";
     Err(reason.to_string().into())
 }
@@ -32,17 +32,18 @@ fn loopback(_: &Address, _: &Options) -> Result<BothEnds, OpenError> {
     let (to_emulator, inbox) = inbox(tally.clone());
     let (queue, from_emulator) = sync_channel(QUEUE);
     let counted = tally.clone();
-    let try_send = move |what: Outbound| {
-        let bytes = match &what {
+    let try_send = move |item: Outbound| {
+        let bytes = match &item {
             Outbound::Packet { packet, .. } => Some(packet.len()),
             Outbound::Release { .. } => None,
         };
-        let sent = queue.try_send(what);
+        let sent = queue.try_send(item);
         if matches!(sent, Err(TrySendError::Full(_))) {
             return sent;
         }
         if let Some(bytes) = bytes {
-            // A queued packet has left. If the client has closed it is lost; the inbox reports the end.
+            // A queued packet counts as sent. If the client has closed, it is lost; the inbox
+            // reports the end.
             match sent {
                 Ok(()) => counted.moved(bytes),
                 Err(_) => count(&counted.lost),
@@ -62,7 +63,7 @@ fn loopback(_: &Address, _: &Options) -> Result<BothEnds, OpenError> {
 
 /// The flight computer's end.
 struct MemoryPort {
-    to_emulator: Intake,
+    to_emulator: InboxSender,
     from_emulator: Receiver<Outbound>,
 }
 

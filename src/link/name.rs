@@ -1,8 +1,8 @@
 //! The name of a pseudo-terminal in the file system, a symbolic link.
 //!
-//! A killed run leaves its name behind, and the system reuses the device number. So the link marks
-//! its maker (`/dev/pts/./N` leads where `/dev/pts/N` does), and an abstract socket, which ends
-//! with its process, shows whether that still runs. Nothing else is ever removed.
+//! A killed run leaves its name behind, and the system reuses the device number. So the link has a
+//! mark of skyloop: `/dev/pts/./N`, equivalent to `/dev/pts/N`. An abstract socket, which ends with
+//! its process, shows whether the owner still runs. Nothing else is ever removed.
 
 use super::lock::lock;
 use skyloop_firmware_sim::port::Refusal;
@@ -16,21 +16,21 @@ use std::os::unix::net::{SocketAddr, UnixDatagram};
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 
-/// Where the system has the other ends.
+/// Folder of the slave devices.
 const DEVICES: &str = "/dev/pts/";
-/// The same place, as skyloop writes it.
+/// The same folder in the spelling that marks names of skyloop.
 const OURS: &str = "/dev/pts/./";
 
-/// A name that leads to a device.
+/// A symbolic link to a device.
 pub(super) struct Name {
     pub path: PathBuf,
-    /// Nobody else has the name while this is there.
+    /// Reserves the name for this process while the socket exists.
     claim: Mutex<Option<UnixDatagram>>,
 }
 
 impl Name {
-    /// Makes `path` lead to `device`; replaces only the name of a run that has ended.
-    pub fn give(path: &Path, device: &str) -> Result<Name, Refusal> {
+    /// Creates the link from `path` to `device`; replaces only the name of a run that has ended.
+    pub fn create(path: &Path, device: &str) -> Result<Name, Refusal> {
         const FOLDER: &str = "choose a name in a folder that you may write";
         const OTHER: &str = "choose another name, or remove what is there";
         let claim = key(path).and_then(claim).map_err(|source| {
@@ -38,14 +38,11 @@ impl Name {
             refused(source, if taken { "choose another name" } else { FOLDER })
         })?;
         if let Ok(found) = path.symlink_metadata() {
-            if !(found.is_symlink() && is_dead(path, device)) {
+            if !(found.is_symlink() && is_stale(path, device)) {
                 return Err(refused(io::ErrorKind::AlreadyExists.into(), OTHER));
             }
             std::fs::remove_file(path).map_err(|error| refused(error, FOLDER))?;
-            tracing::warn!(
-                "{}: a run that was killed left this name behind: it is taken over",
-                path_text(path)
-            );
+            tracing::warn!("{}: this name of a killed run is reused", path_text(path));
         }
         symlink(marked(device), path).map_err(|error| refused(error, FOLDER))?;
         Ok(Name {
@@ -54,8 +51,8 @@ impl Name {
         })
     }
 
-    /// Lets it lead to another device, if it leads to `from`.
-    pub fn lead(&self, from: &str, to: &str) -> io::Result<()> {
+    /// Redirects the link to another device, if it leads to `from`.
+    pub fn redirect(&self, from: &str, to: &str) -> io::Result<()> {
         if self.leads_to(from) {
             std::fs::remove_file(&self.path)?;
             symlink(marked(to), &self.path)?;
@@ -63,10 +60,10 @@ impl Name {
         Ok(())
     }
 
-    /// Takes it away, if it leads to `device`.
+    /// Removes the link, if it leads to `device`.
     pub fn remove(&self, device: &str) {
         if self.leads_to(device) {
-            // Whoever has taken it away before us has done what we want.
+            // It may have been removed already.
             let _ = std::fs::remove_file(&self.path);
         }
         drop(lock(&self.claim).take());
@@ -77,8 +74,8 @@ impl Name {
     }
 }
 
-/// Whether two paths are one name.
-pub(super) fn is_one(a: &Path, b: &Path) -> bool {
+/// Whether two paths are the same name.
+pub(super) fn is_same(a: &Path, b: &Path) -> bool {
     a == b || matches!((key(a), key(b)), (Ok(a), Ok(b)) if a == b)
 }
 
@@ -90,8 +87,8 @@ fn refused(source: io::Error, remedy: &str) -> Refusal {
     }
 }
 
-/// Whether the owner of a link, for which nobody has a claim, has gone. `device` is a new one's.
-fn is_dead(path: &Path, device: &str) -> bool {
+/// Whether an unclaimed link was left by a run of skyloop that has ended. `device` is the new one.
+fn is_stale(path: &Path, device: &str) -> bool {
     let Ok(to) = path.read_link() else {
         return false;
     };
@@ -101,7 +98,7 @@ fn is_dead(path: &Path, device: &str) -> bool {
         || (to.starts_with(DEVICES.as_bytes()) && !path.exists())
 }
 
-/// Paths are compared without their `.`.
+/// The comparison of paths ignores `.` components.
 fn leads_to(path: &Path, device: &str) -> bool {
     path.read_link().is_ok_and(|to| to == Path::new(device))
 }
@@ -113,7 +110,7 @@ fn marked(device: &str) -> String {
     }
 }
 
-/// What a name is called among sockets: its folder and its last part.
+/// Socket name of a path, from its folder and its file name.
 fn key(path: &Path) -> io::Result<String> {
     let folder = match path.parent() {
         Some(folder) if !folder.as_os_str().is_empty() => folder,
@@ -144,32 +141,35 @@ mod tests {
     use super::*;
 
     fn refusal(path: &Path, device: &str) -> io::ErrorKind {
-        Name::give(path, device).err().unwrap().source.kind()
+        Name::create(path, device).err().unwrap().source.kind()
     }
 
     #[test]
-    fn a_dead_name_of_ours_is_taken_over_though_its_number_lives() {
+    fn stale_name_is_reused_although_its_device_exists() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("port");
-        // Any device that is there stands for a terminal of somebody else that has got the number.
+        // An existing device stands for another program's terminal with the reused number.
         for to in ["/dev/pts/./ptmx", "/dev/pts/./999999", "/dev/pts/999999"] {
             symlink(to, &path).unwrap();
-            let name = Name::give(&path, "/dev/pts/5").ok().unwrap();
+            let name = Name::create(&path, "/dev/pts/5").ok().unwrap();
             assert_eq!(path.read_link().unwrap(), Path::new("/dev/pts/5"), "{to}");
             assert_eq!(refusal(&path, "/dev/pts/6"), io::ErrorKind::AlreadyExists);
-            name.lead("/dev/pts/5", "/dev/pts/7").unwrap();
+            name.redirect("/dev/pts/5", "/dev/pts/7").unwrap();
             name.remove("/dev/pts/5");
-            assert!(leads_to(&path, "/dev/pts/7"), "it is another's by now");
+            assert!(
+                leads_to(&path, "/dev/pts/7"),
+                "it belongs to another device now"
+            );
             name.remove("/dev/pts/7");
             assert!(path.symlink_metadata().is_err());
         }
-        // An older one's, whose number is ours now.
+        // An unmarked name with the number of the new device.
         symlink("/dev/pts/ptmx", &path).unwrap();
-        assert!(Name::give(&path, "/dev/pts/ptmx").is_ok());
+        assert!(Name::create(&path, "/dev/pts/ptmx").is_ok());
     }
 
     #[test]
-    fn what_others_made_is_left_alone() {
+    fn files_of_others_are_unchanged() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("port");
         for to in ["/dev/pts/ptmx", "/dev/null", "nowhere"] {
@@ -186,12 +186,12 @@ mod tests {
     }
 
     #[test]
-    fn one_name_has_many_spellings() {
+    fn spellings_of_one_name_are_equal() {
         let folder = tempfile::tempdir().unwrap();
         std::fs::create_dir(folder.path().join("in")).unwrap();
         let at = |text: &str| folder.path().join(text);
-        assert!(is_one(&at("a"), &at("in/../a")) && is_one(Path::new("a"), Path::new("./a")));
-        assert!(!is_one(&at("a"), &at("b")) && !is_one(&at("a"), &at("in/a")));
-        assert!(is_one(&at("no/a"), &at("no/a")));
+        assert!(is_same(&at("a"), &at("in/../a")) && is_same(Path::new("a"), Path::new("./a")));
+        assert!(!is_same(&at("a"), &at("b")) && !is_same(&at("a"), &at("in/a")));
+        assert!(is_same(&at("no/a"), &at("no/a")));
     }
 }

@@ -10,38 +10,37 @@ use std::sync::Arc;
 use std::sync::mpsc::{Receiver, TrySendError, sync_channel};
 use std::time::Instant;
 
-/// Something for the link to do.
+/// A request to the link.
 #[derive(Debug, Clone)]
 pub enum Outbound {
-    /// Send this packet, if its exchange still stands.
+    /// Send this packet, if its exchange is still current.
     Packet {
-        /// Which exchange it answers.
+        /// Number of its exchange.
         exchange: u32,
         /// The packet.
         packet: Bytes,
     },
     /// End the exchange, unless its client has sent something since.
     Release {
-        /// Which exchange.
+        /// Number of the exchange.
         exchange: u32,
-        /// When the client asked for it.
+        /// When the client requested it.
         requested: Instant,
     },
 }
 
-/// What stands before the reason in the answer to a fault that is refused.
+/// Prefix of the reason in the answer to a refused fault.
 pub const FAULT_REFUSED: &str = "Fault: ";
 
-/// Why a link injects no faults.
 const NO_FAULTS: &str =
     "no faults are injected here: start the emulator with --faults or --fault-log";
 
 /// The queue to a link.
 pub trait Outbox: Send {
-    /// Queues `what`; gives it back if the queue is full. Fails only by [`LinkError::Closed`].
-    fn offer(&mut self, what: Outbound) -> Result<Option<Outbound>, LinkError>;
+    /// Queues `item`; returns it if the queue is full. Fails only by [`LinkError::Closed`].
+    fn offer(&mut self, item: Outbound) -> Result<Option<Outbound>, LinkError>;
 
-    /// Whether faults of this kind can be switched live; else why not, and the remedy.
+    /// Errors: faults of this kind cannot be switched live; reason and remedy.
     fn injects(&self, _: FaultKind) -> Result<(), Cow<'static, str>> {
         Err(NO_FAULTS.into())
     }
@@ -50,16 +49,16 @@ pub trait Outbox: Send {
 /// Queues an item without waiting.
 type TrySend = dyn Fn(Outbound) -> Result<(), TrySendError<Outbound>> + Send;
 
-/// The emulator's end.
+/// The emulator's end of a queue.
 pub(super) struct QueueOutbox {
     try_send: Box<TrySend>,
     tally: Arc<Tally>,
     address: String,
-    /// Whether clients follow each other: a link with a single client has nothing to release.
+    /// Whether clients can replace each other; else releases are ignored.
     pub releases: bool,
-    /// Whether faults of a kind can be switched live; else why not, and the remedy.
+    /// Errors: faults of a kind cannot be switched live; reason and remedy.
     pub injects: fn(FaultKind) -> Result<(), &'static str>,
-    /// Called after each packet, and when the emulator drops its end.
+    /// Called after each item, and when the emulator closes its end.
     pub wake: Box<dyn Fn() + Send>,
 }
 
@@ -71,7 +70,7 @@ pub(super) fn queue(address: &str, tally: &Arc<Tally>) -> (QueueOutbox, Receiver
 }
 
 impl QueueOutbox {
-    /// The end of a queue into which `try_send` puts items.
+    /// The end of a queue that `try_send` fills.
     pub fn new(
         address: &str,
         tally: &Arc<Tally>,
@@ -89,12 +88,12 @@ impl QueueOutbox {
 }
 
 impl Outbox for QueueOutbox {
-    fn offer(&mut self, what: Outbound) -> Result<Option<Outbound>, LinkError> {
-        let is_packet = matches!(what, Outbound::Packet { .. });
+    fn offer(&mut self, item: Outbound) -> Result<Option<Outbound>, LinkError> {
+        let is_packet = matches!(item, Outbound::Packet { .. });
         if !is_packet && !self.releases {
             return Ok(None);
         }
-        let try_send = || (self.try_send)(what);
+        let try_send = || (self.try_send)(item);
         let sent = if is_packet {
             self.tally.queue(try_send)
         } else {
@@ -105,7 +104,7 @@ impl Outbox for QueueOutbox {
                 (self.wake)();
                 Ok(None)
             }
-            Err(TrySendError::Full(what)) => Ok(Some(what)),
+            Err(TrySendError::Full(item)) => Ok(Some(item)),
             Err(TrySendError::Disconnected(_)) => Err(LinkError::Closed(self.address.clone())),
         }
     }

@@ -1,16 +1,16 @@
-//! Octets through pseudo-terminals at the pace of a baud rate.
+//! Bytes through pseudo-terminals at the pace of a baud rate.
 
 use super::pace::{Pace, sleep_until};
 use super::pseudo::{MasterRead, Pseudo, Written};
 use std::io;
 use std::time::{Duration, Instant};
 
-/// Octets are handed on in pieces of this time; one octet at least.
+/// Airtime of the pieces in which bytes are forwarded; one byte at least.
 pub(super) const PIECE: Duration = Duration::from_millis(1);
-/// How long one look for octets lasts.
-const LOOK: Duration = Duration::from_millis(50);
+/// Timeout of one read.
+const READ_TIMEOUT: Duration = Duration::from_millis(50);
 
-/// Hears a pseudo-terminal at the pace of a line.
+/// Reads a pseudo-terminal at the pace of a line.
 pub(super) struct PacedReader {
     pace: Pace,
     buffer: Vec<u8>,
@@ -25,24 +25,24 @@ impl PacedReader {
         }
     }
 
-    /// The next octets, once the last of them has passed; with what else happened.
+    /// The next bytes, once the last of them has passed the line, and the result of the read.
     pub fn receive(&mut self, pseudo: &Pseudo) -> io::Result<(MasterRead, &[u8])> {
-        let heard = pseudo.receive(&mut self.buffer, LOOK)?;
+        let received = pseudo.receive(&mut self.buffer, READ_TIMEOUT)?;
         let now = Instant::now();
-        let MasterRead::Octets { length, waited } = heard else {
-            self.pace.rest(now);
-            return Ok((heard, &[]));
+        let MasterRead::Bytes { length, waited } = received else {
+            self.pace.idle(now);
+            return Ok((received, &[]));
         };
         if waited {
-            self.pace.rest(now);
+            self.pace.idle(now);
         }
         sleep_until(self.pace.pass(length, now));
-        Ok((heard, &self.buffer[..length]))
+        Ok((received, &self.buffer[..length]))
     }
 }
 
-/// Writes all octets; whether they had to wait for room. None if the client has gone, or they are
-/// no longer `wanted`.
+/// Writes all bytes; returns whether they had to wait for room. `None` if the client has closed, or
+/// the bytes are no longer `wanted`.
 pub(super) fn write_all(
     to: &Pseudo,
     mut bytes: &[u8],
@@ -53,19 +53,19 @@ pub(super) fn write_all(
     while !bytes.is_empty() {
         match to.write(bytes, client)? {
             Written::NoReader => return Ok(None),
-            Written::Octets(0) if !wanted() => return Ok(None),
-            Written::Octets(0) => {
+            Written::Bytes(0) if !wanted() => return Ok(None),
+            Written::Bytes(0) => {
                 waited = true;
                 to.wait_for_room()?;
             }
-            Written::Octets(length) => bytes = &bytes[length..],
+            Written::Bytes(length) => bytes = &bytes[length..],
         }
     }
     Ok(Some(waited))
 }
 
-/// Carries octets one way while `wanted`. Without a client at the far end they are lost, as on any
-/// wire; if it does not read, they wait, as with flow control.
+/// Carries bytes in one direction while `wanted`. Without a client at the far end they are lost, as
+/// on any wire. If the client does not read, they wait, as with flow control.
 pub(super) fn relay(
     from: &Pseudo,
     to: &Pseudo,
@@ -76,7 +76,7 @@ pub(super) fn relay(
     while wanted() {
         let (_, bytes) = reader.receive(from)?;
         if let Some(true) = write_all(to, bytes, None, wanted)? {
-            reader.pace.rest(Instant::now());
+            reader.pace.idle(Instant::now());
         }
     }
     Ok(())

@@ -1,9 +1,8 @@
-//! A pseudo-terminal: the master end here, the other end opened by clients by name, again and
-//! again.
+//! The master end of a pseudo-terminal. Clients open the other end by name, one after another.
 //!
-//! Linux: a master without a client takes some 20,480 octets, which the next client would read.
-//! Settings of a client, exclusive use included, outlast it. The master gets POLLHUP only after a
-//! first client has closed.
+//! Linux: a master without a client buffers some 20,480 bytes, which the next client would read.
+//! Settings of a client, exclusive use included, remain after it closes. The master gets POLLHUP
+//! only after a first client has closed.
 
 use super::lock::lock;
 use super::name::Name;
@@ -21,12 +20,12 @@ use std::path::Path;
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
-/// Pause before looking again for a client, or for room.
+/// Pause before the next check for a client or for room.
 const SOON: Duration = Duration::from_millis(10);
 
 /// One pseudo-terminal.
 pub(super) struct Pseudo {
-    /// The name that clients open, if it is not the system's own.
+    /// The name that clients open, if not the system's name.
     name: Option<Name>,
     state: Mutex<State>,
 }
@@ -35,43 +34,43 @@ struct State {
     master: Arc<OwnedFd>,
     /// The system's name of the other end.
     device: String,
-    /// Whether a client holds it.
+    /// Whether a client has it open.
     held: bool,
-    /// How many clients there were.
+    /// Number of clients so far.
     clients: u32,
 }
 
-/// What the master heard.
+/// What the master received.
 #[derive(Debug, PartialEq)]
 pub(super) enum MasterRead {
-    /// So many octets; whether they had to be waited for.
-    Octets { length: usize, waited: bool },
-    /// Nothing.
+    /// This many bytes; `waited`: none were there at first.
+    Bytes { length: usize, waited: bool },
+    /// A client, and no bytes.
     Silence,
-    /// The client has gone.
+    /// The client has closed.
     Left,
-    /// Nobody holds the other end.
+    /// No client has the other end open.
     NoReader,
 }
 
-/// What became of octets written.
+/// Result of a write.
 #[derive(Debug, PartialEq)]
 pub(super) enum Written {
-    /// So many have left; the others find no room.
-    Octets(usize),
-    /// The client has gone.
+    /// Number of written bytes; there is no room for the others.
+    Bytes(usize),
+    /// The client has closed.
     NoReader,
 }
 
 impl Pseudo {
-    /// A new pseudo-terminal, with a name of its own in the file system if one is given.
+    /// A new pseudo-terminal, with a symbolic link if a name is given.
     pub fn open(name: Option<&Path>) -> Result<Pseudo, Refusal> {
         let (master, device) = pair().map_err(|source| Refusal {
             action: "open a pseudo-terminal",
             source,
             remedy: "check that /dev/ptmx and /dev/pts exist".to_string(),
         })?;
-        let name = name.map(|name| Name::give(name, &device)).transpose()?;
+        let name = name.map(|name| Name::create(name, &device)).transpose()?;
         Ok(Pseudo {
             name,
             state: Mutex::new(State {
@@ -83,7 +82,7 @@ impl Pseudo {
         })
     }
 
-    /// What a client opens.
+    /// The name that clients open.
     pub fn name(&self) -> String {
         match &self.name {
             Some(name) => name.path.display().to_string(),
@@ -91,19 +90,20 @@ impl Pseudo {
         }
     }
 
-    /// Reads what has come, waiting `wait` at most. For one thread: it notices clients come and go.
+    /// Reads the received bytes, waiting at most `wait`. For a single thread: it detects when
+    /// clients open and close.
     pub fn receive(&self, buffer: &mut [u8], wait: Duration) -> io::Result<MasterRead> {
         let master = lock(&self.state).master.clone();
         let mut waited = false;
         loop {
             match rustix::io::read(&master, &mut *buffer) {
                 Ok(length) if length > 0 => {
-                    lock(&self.state).come();
-                    return Ok(MasterRead::Octets { length, waited });
+                    lock(&self.state).note_client();
+                    return Ok(MasterRead::Bytes { length, waited });
                 }
                 Err(Errno::INTR) => continue,
                 Err(Errno::AGAIN) => {}
-                // Hung up, which ends with the next client.
+                // Hung up until the next client opens.
                 Ok(_) | Err(Errno::IO) => return self.hung_up(wait),
                 Err(error) => return Err(error.into()),
             }
@@ -115,7 +115,7 @@ impl Pseudo {
             if events.contains(PollFlags::HUP) {
                 continue;
             }
-            lock(&self.state).come();
+            lock(&self.state).note_client();
         }
     }
 
@@ -126,38 +126,38 @@ impl Pseudo {
             std::thread::sleep(SOON.min(wait));
             return Ok(MasterRead::NoReader);
         }
-        if let Err(error) = calm(&state.master, &state.device) {
-            // It was left in exclusive use: only a new one can be opened again.
+        if let Err(error) = reset(&state.master, &state.device) {
+            // The client left it in exclusive use: only a new one can be opened again.
             tracing::debug!(%error, "{} is replaced", state.device);
             let (master, device) = pair()?;
             if let Some(name) = &self.name {
-                name.lead(&state.device, &device)?;
+                name.redirect(&state.device, &device)?;
             }
             (state.master, state.device) = (Arc::new(master), device);
         }
         Ok(MasterRead::Left)
     }
 
-    /// Writes what fits, if client number `client` (none: any) holds the other end.
+    /// Writes bytes that fit, if client number `client` (`None`: any) has the other end open.
     pub fn write(&self, bytes: &[u8], client: Option<u32>) -> io::Result<Written> {
         let mut state = lock(&self.state);
         if !state.held
             && !ready(&state.master, PollFlags::OUT, Duration::ZERO)?.contains(PollFlags::HUP)
         {
-            state.come();
+            state.note_client();
         }
         if !state.held || client.is_some_and(|client| client != state.clients) {
             return Ok(Written::NoReader);
         }
         match rustix::io::write(&state.master, bytes) {
-            Ok(length) => Ok(Written::Octets(length)),
-            Err(Errno::AGAIN | Errno::INTR) => Ok(Written::Octets(0)),
+            Ok(length) => Ok(Written::Bytes(length)),
+            Err(Errno::AGAIN | Errno::INTR) => Ok(Written::Bytes(0)),
             Err(Errno::IO) => Ok(Written::NoReader),
             Err(error) => Err(error.into()),
         }
     }
 
-    /// Waits for room, a short time at most.
+    /// Waits for room, for a short time.
     pub fn wait_for_room(&self) -> io::Result<()> {
         let master = lock(&self.state).master.clone();
         if ready(&master, PollFlags::OUT, SOON)?.contains(PollFlags::HUP) {
@@ -166,17 +166,17 @@ impl Pseudo {
         Ok(())
     }
 
-    /// Whether a client holds the other end, as far as has been noticed.
+    /// Whether a client has the other end open, as last detected.
     pub fn is_held(&self) -> bool {
         lock(&self.state).held
     }
 
-    /// How many clients there were, the present one included.
+    /// Number of clients so far, including the present one.
     pub fn clients(&self) -> u32 {
         lock(&self.state).clients
     }
 
-    /// Takes the name away, if it is still this pseudo-terminal's.
+    /// Removes the name, if it still leads to this pseudo-terminal.
     pub fn remove_name(&self) {
         if let Some(name) = &self.name {
             name.remove(&lock(&self.state).device);
@@ -191,14 +191,14 @@ impl Drop for Pseudo {
 }
 
 impl State {
-    /// Notes that a client holds the other end.
-    fn come(&mut self) {
+    /// Notes that a client has the other end open.
+    fn note_client(&mut self) {
         let new = !std::mem::replace(&mut self.held, true);
         self.clients = self.clients.wrapping_add(u32::from(new));
     }
 }
 
-/// A master that does not block and the name of its other end, raw and closed.
+/// A non-blocking master and the name of its other end, raw and closed.
 fn pair() -> io::Result<(OwnedFd, String)> {
     let master = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC)?;
     grantpt(&master)?;
@@ -206,18 +206,18 @@ fn pair() -> io::Result<(OwnedFd, String)> {
     let device = ptsname(&master, Vec::new())?;
     let device = device.to_string_lossy().into_owned();
     rustix::fs::fcntl_setfl(&master, OFlags::NONBLOCK)?;
-    // Some systems have no settings of the master's own.
+    // On some systems the master has no settings.
     let _ = make_raw(&master);
-    calm(&master, &device)?;
+    reset(&master, &device)?;
     Ok((master, device))
 }
 
-/// Clears what a client left: unread octets, settings, exclusive use. Leaves the end hung up.
-fn calm(master: &OwnedFd, device: &str) -> io::Result<()> {
+/// Clears unread bytes, settings and exclusive use of a closed client. Leaves the end hung up.
+fn reset(master: &OwnedFd, device: &str) -> io::Result<()> {
     let flags = OFlags::RDWR | OFlags::NOCTTY | OFlags::NONBLOCK | OFlags::CLOEXEC;
     let other = rustix::fs::open(device, flags, Mode::empty())?;
     ioctl_tiocnxcl(&other)?;
-    // What lies between the two, then what has arrived; what the client wrote is still heard.
+    // Bytes in transit, then the arrived ones. Bytes written by the client remain.
     tcflush(master, QueueSelector::OFlush)?;
     tcflush(&other, QueueSelector::IFlush)?;
     make_raw(&other)
@@ -255,16 +255,16 @@ mod tests {
         port.open_native().unwrap()
     }
 
-    /// Hears until something happens.
+    /// Reads until bytes come or the client closes.
     fn event(pseudo: &Pseudo, buffer: &mut [u8]) -> MasterRead {
-        let heard = (0..200).map(|_| pseudo.receive(buffer, WAIT).unwrap());
-        let mut events =
-            heard.filter(|heard| !matches!(heard, MasterRead::Silence | MasterRead::NoReader));
+        let received = (0..200).map(|_| pseudo.receive(buffer, WAIT).unwrap());
+        let mut events = received
+            .filter(|received| !matches!(received, MasterRead::Silence | MasterRead::NoReader));
         events.next().unwrap()
     }
 
     #[test]
-    fn clients_come_and_go_and_leave_nothing_behind() {
+    fn successive_clients_start_without_leftovers() {
         let folder = tempfile::tempdir().unwrap();
         let name = folder.path().join("port");
         let pseudo = Pseudo::open(Some(&name)).unwrap_or_else(|e| panic!("{}", e.source));
@@ -284,23 +284,20 @@ mod tests {
                 assert_eq!(pseudo.clients(), 1);
             }
             let unread = port.read(&mut buffer).unwrap_err();
-            assert_eq!(unread.kind(), io::ErrorKind::TimedOut, "nothing stale");
-            assert_eq!(
-                pseudo.write(b"to", Some(round)).unwrap(),
-                Written::Octets(2)
-            );
+            assert_eq!(unread.kind(), io::ErrorKind::TimedOut, "no stale bytes");
+            assert_eq!(pseudo.write(b"to", Some(round)).unwrap(), Written::Bytes(2));
             assert_eq!(
                 pseudo.write(b"-", Some(round - 1)).unwrap(),
                 Written::NoReader
             );
             assert_eq!(port.read(&mut buffer).unwrap(), 2);
-            // Until there is no room; all of it stays unread.
-            while pseudo.write(&[7; 1000], None).unwrap() != Written::Octets(0) {}
+            // Until there is no room; all remains unread.
+            while pseudo.write(&[7; 1000], None).unwrap() != Written::Bytes(0) {}
             port.write_all(b"from").unwrap();
             drop(port);
-            // What a client has written before it went is heard.
-            let heard = event(&pseudo, &mut buffer);
-            assert!(matches!(heard, MasterRead::Octets { length: 4, .. }));
+            // Bytes written before the client closed are received.
+            let received = event(&pseudo, &mut buffer);
+            assert!(matches!(received, MasterRead::Bytes { length: 4, .. }));
             assert_eq!(event(&pseudo, &mut buffer), MasterRead::Left);
         }
         drop(pseudo);
@@ -308,14 +305,14 @@ mod tests {
     }
 
     #[test]
-    fn a_port_that_can_only_be_replaced_keeps_its_name() {
+    fn replaced_port_has_the_same_name() {
         let folder = tempfile::tempdir().unwrap();
         let name = folder.path().join("port");
         let pseudo = Pseudo::open(Some(&name)).ok().unwrap();
         let port = client(&pseudo);
-        assert_eq!(pseudo.write(b"-", None).unwrap(), Written::Octets(1));
+        assert_eq!(pseudo.write(b"-", None).unwrap(), Written::Bytes(1));
         let before = lock(&pseudo.state).device.clone();
-        // As one that was left in exclusive use and refuses to be opened.
+        // Like a device in exclusive use, which cannot be opened.
         lock(&pseudo.state).device = "/dev/pts/none".to_string();
         std::fs::remove_file(&name).unwrap();
         std::os::unix::fs::symlink("/dev/pts/none", &name).unwrap();
@@ -323,6 +320,6 @@ mod tests {
         assert_eq!(event(&pseudo, &mut [0; 9]), MasterRead::Left);
         assert_ne!(lock(&pseudo.state).device, before);
         let _port = client(&pseudo);
-        assert_eq!(pseudo.write(b"-", Some(2)).unwrap(), Written::Octets(1));
+        assert_eq!(pseudo.write(b"-", Some(2)).unwrap(), Written::Bytes(1));
     }
 }

@@ -1,10 +1,10 @@
-//! Pseudo-terminals with a name that clients open like a serial port. Bytes pass at the pace of a
-//! baud rate, as SLIP frames with CRC-32. Two threads.
+//! Pseudo-terminals that clients open by name like a serial port. SLIP frames with CRC-32 pass at a
+//! baud rate. Each link has two threads.
 
 use super::error::{LinkError, OpenError};
 use super::kind::{BothEnds, Link, Options};
 use super::line::{self, PacketReader, Put, airtime, write};
-use super::name::is_one;
+use super::name::is_same;
 use super::outbox::{Outbound, Outbox};
 use super::pace::{Pace, sleep_until};
 use super::paced::{PIECE, PacedReader, relay, write_all};
@@ -21,7 +21,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::Receiver;
 use std::time::{Duration, Instant};
 
-/// Pseudo-terminals at the pace of a baud rate.
+/// Pseudo-terminals at a baud rate.
 pub const PTY: Link = Link {
     scheme: "pty",
     example: "pty://star-tracker?baud=115200",
@@ -31,7 +31,7 @@ pub const PTY: Link = Link {
     loopback,
 };
 
-/// How long the emulator's end stays open for a client to read the last bytes.
+/// Time for the client to read the last bytes before the emulator's end closes.
 const LINGER: Duration = Duration::from_millis(400);
 
 fn open(url: &Address, _: &Options) -> Result<Wire, OpenError> {
@@ -39,36 +39,36 @@ fn open(url: &Address, _: &Options) -> Result<Wire, OpenError> {
     if url.target.is_empty() {
         return Err("no name for the client to open".to_string().into());
     }
-    let pseudo = made(url.text.clone(), Some(Path::new(&url.target)))?;
+    let pseudo = open_pseudo(url.text.clone(), Some(Path::new(&url.target)))?;
     let wire = start(url, pseudo, baud, false)?;
     Ok(wire)
 }
 
 fn loopback(url: &Address, _: &Options) -> Result<BothEnds, OpenError> {
     let baud = baud_of(url, 3_000_000)?;
-    let pseudo = made(url.text.clone(), None)?;
+    let pseudo = open_pseudo(url.text.clone(), None)?;
     let name = pseudo.name();
-    // The loopback's own client is the only one.
+    // A loopback has a single client.
     let wire = start(url, pseudo, baud, true)?;
     let port = FlightComputerPort::open(&name, baud);
     let port = port.map_err(|error| LinkError::no_client(url, error))?;
     Ok((wire, Box::new(port)))
 }
 
-/// The pseudo-terminal of the link at `url`, with a name of its own if one is given.
-fn made(url: String, name: Option<&Path>) -> Result<Pseudo, LinkError> {
+/// Opens the pseudo-terminal of the link at `url`, with a symbolic link if a name is given.
+fn open_pseudo(url: String, name: Option<&Path>) -> Result<Pseudo, LinkError> {
     Pseudo::open(name).map_err(|source| LinkError::Refused { url, source })
 }
 
-/// `last`: nobody is to come after the first client.
+/// `last`: no other client follows the first one.
 fn start(url: &Address, pseudo: Pseudo, baud: u32, last: bool) -> Result<Wire, LinkError> {
     let address = format!("pty://{}?baud={baud}", pseudo.name());
     let pseudo = Arc::new(pseudo);
     let tally = Arc::new(Tally::default());
     let last = Arc::new(AtomicBool::new(last));
-    let (reading, heard, parting) = (pseudo.clone(), tally.clone(), last.clone());
+    let (reading, received, closing) = (pseudo.clone(), tally.clone(), last.clone());
     let read = move |reader: PacketReader, stop: &AtomicBool| {
-        if let Err(error) = read(&reading, baud, reader, &heard, [stop, &parting]) {
+        if let Err(error) = read(&reading, baud, reader, &received, [stop, &closing]) {
             tracing::error!(%error, "{} can no longer be read", reading.name());
         }
     };
@@ -77,11 +77,11 @@ fn start(url: &Address, pseudo: Pseudo, baud: u32, last: bool) -> Result<Wire, L
         let mut pace = Pace::of_baud(baud);
         write(departures, &sent, |exchange, bytes, idle| {
             if idle {
-                pace.rest(Instant::now());
+                pace.idle(Instant::now());
             }
             put(&writing, &mut pace, exchange, bytes, &sent, wanted)
         });
-        // The end of the master discards what the client has not read yet.
+        // Closing the master discards unread bytes.
         let end = Instant::now();
         while writing.is_held() && wanted() && end.elapsed() < LINGER {
             std::thread::sleep(PIECE);
@@ -100,11 +100,11 @@ fn start(url: &Address, pseudo: Pseudo, baud: u32, last: bool) -> Result<Wire, L
     })
 }
 
-/// The queue to the writer; the name goes with it, before the last packets have left.
+/// The queue to the writer. Dropping it removes the name, before the last packets have left.
 struct NamedOutbox {
     outbox: Box<dyn Outbox>,
     pseudo: Arc<Pseudo>,
-    /// Set when no other client is to come.
+    /// Set when no other client is expected.
     last: Arc<AtomicBool>,
 }
 
@@ -121,7 +121,7 @@ impl Drop for NamedOutbox {
     }
 }
 
-/// Reads packets until the writer has ended (`stop`). After a `last` client none is expected.
+/// Reads packets until the writer has ended (`stop`). With `last`, no further client is expected.
 fn read(
     pseudo: &Pseudo,
     baud: u32,
@@ -132,8 +132,8 @@ fn read(
     let mut paced = PacedReader::new(baud);
     let mut clients = 0;
     while !stop.load(Ordering::Relaxed) {
-        let (heard, bytes) = paced.receive(pseudo)?;
-        if heard == MasterRead::Left {
+        let (received, bytes) = paced.receive(pseudo)?;
+        if received == MasterRead::Left {
             tally.end(clients);
             if last.load(Ordering::Relaxed) {
                 tracing::debug!("no client holds {} any more", pseudo.name());
@@ -147,7 +147,7 @@ fn read(
             count(&tally.reconnects);
             tracing::warn!("{} has its next client", pseudo.name());
         }
-        // Each client opens an exchange of its own.
+        // Each client opens a new exchange.
         if reader.receive(bytes, clients).is_err() {
             break;
         }
@@ -155,7 +155,7 @@ fn read(
     Ok(())
 }
 
-/// Puts a frame on the line, as fast as that carries it.
+/// Writes a frame at the pace of the line.
 fn put(
     pseudo: &Pseudo,
     pace: &mut Pace,
@@ -170,7 +170,7 @@ fn put(
             Ok(Some(waited)) => {
                 tally.moved(piece.len());
                 if waited {
-                    pace.rest(Instant::now());
+                    pace.idle(Instant::now());
                 }
             }
             Ok(None) if !wanted() => return Put::Unwanted,
@@ -184,27 +184,27 @@ fn put(
     Put::Sent
 }
 
-/// Two pseudo-terminals with names, joined by a line of a baud rate each way.
+/// Two named pseudo-terminals, connected in both directions at a baud rate.
 pub struct Pair {
     ends: [Pseudo; 2],
     baud: u32,
 }
 
 impl Pair {
-    /// Makes both; their names lead to them until the pair is dropped.
+    /// Opens both; their names exist until the pair is dropped.
     pub fn open(names: [&Path; 2], baud: u32) -> Result<Pair, LinkError> {
-        if is_one(names[0], names[1]) {
+        if is_same(names[0], names[1]) {
             let url = names[1].display().to_string();
             let error = io::Error::new(io::ErrorKind::AlreadyExists, "the other end has it");
             let remedy = "choose another name";
             return Err(LinkError::refused(url, "give it that name", error, remedy));
         }
-        let end = |name: &Path| made(name.display().to_string(), Some(name));
+        let end = |name: &Path| open_pseudo(name.display().to_string(), Some(name));
         let ends = [end(names[0])?, end(names[1])?];
         Ok(Pair { ends, baud })
     }
 
-    /// Carries octets both ways until `stop` is set.
+    /// Carries bytes in both directions until `stop` is set.
     pub fn run(&self, stop: &AtomicBool) -> Result<(), LinkError> {
         let [a, b] = &self.ends;
         let failed = AtomicBool::new(false);
@@ -219,7 +219,7 @@ impl Pair {
         std::thread::scope(|scope| {
             let back = scope.spawn(|| carry(b, a));
             carry(a, b)?;
-            // A panic of the other thread is shown by its own message.
+            // A panic of the other thread reports itself.
             back.join().unwrap_or(Ok(()))
         })
     }
@@ -240,7 +240,7 @@ mod tests {
     }
 
     #[test]
-    fn one_client_closes_and_the_next_opens_an_exchange_of_its_own() {
+    fn each_client_opens_a_new_exchange() {
         let folder = tempfile::tempdir().unwrap();
         let name = folder.path().join("tracker").display().to_string();
         let url = Address::parse(&format!("pty://{name}?baud=921600")).unwrap();
@@ -253,8 +253,8 @@ mod tests {
             assert_eq!(&inbound.packet[..], b"hello");
             assert_eq!(inbound.exchange, exchange);
             assert_eq!(wire.tally.counters().reconnects, exchange - 1);
-            // An answer to the previous client is lost, and counted; half a packet ends with its
-            // client.
+            // An answer to the previous client is lost and counted; half a packet is dropped with
+            // its client.
             offer(&mut wire, exchange - 1, b"late");
             offer(&mut wire, exchange, b"answer");
             let mut answer = vec![0; framed(b"answer").len()];
@@ -273,10 +273,10 @@ mod tests {
     }
 
     #[test]
-    fn a_packet_takes_its_time_on_the_line_and_the_last_one_arrives() {
+    fn packets_take_their_airtime_and_the_last_one_arrives() {
         let url = Address::without_target("pty?baud=9600").unwrap();
         let (mut wire, mut port) = loopback(&url, &options()).unwrap();
-        // X-Val: 100 octets without an escape, CRC-32 and two ENDs take 106 x 10 / 9600 s.
+        // X-Val: 100 bytes without an escape, CRC-32 and two ENDs take 106 x 10 / 9600 s.
         let takes = Duration::from_micros(110_416);
         let sent = Instant::now();
         port.send(&[b'a'; 100]).unwrap();
@@ -289,8 +289,8 @@ mod tests {
         assert!(there >= takes && back.elapsed() >= takes, "{there:?}");
     }
 
-    /// Bytes/s that arrive at one end of a pair while the other end (with `both`: each end) sends
-    /// all it can. Never more than the line carries since it began.
+    /// Rate in bytes/s at one end of a pair while the other end (with `both`: each end) sends at
+    /// full speed. Checks that the rate of the line is never exceeded.
     fn delivered(baud: u32, both: bool) -> f64 {
         let folder = tempfile::tempdir().unwrap();
         let names = ["a", "b"].map(|name| folder.path().join(name));
@@ -319,30 +319,29 @@ mod tests {
                 });
             }
             let mut buffer = [0; 4096];
-            // Counted between two arrivals, each at the end of its octets.
+            // Measured between two arrivals, each at the end of its bytes.
             let first = reader.read(&mut buffer).unwrap();
             let (begin, mut bytes, mut last) = (Instant::now(), 0, Instant::now());
             let mut early = None;
             while begin.elapsed() < Duration::from_millis(1500) {
                 bytes += reader.read(&mut buffer).unwrap();
                 last = Instant::now();
-                let most = f64::from(baud) / 10.0 * (last - began).as_secs_f64();
-                let come = (first + bytes) as f64;
-                early = early.or(Some((come, most)).filter(|_| come > most));
+                let max = f64::from(baud) / 10.0 * (last - began).as_secs_f64();
+                let received = (first + bytes) as f64;
+                early = early.or(Some((received, max)).filter(|_| received > max));
             }
             stop.store(true, Ordering::Relaxed);
-            // The feeders may be blocked in a write. Input is not cleared: the reader would wait
-            // for ever.
+            // The feeders may be blocked in a write. Clearing the input would block the reader.
             for end in [&a, &b] {
                 let _ = end.clear(ClearBuffer::Output);
             }
-            assert_eq!(early, None, "octets that came, and as many as could have");
+            assert_eq!(early, None, "received bytes, and the maximum");
             bytes as f64 / (last - begin).as_secs_f64()
         })
     }
 
     #[test]
-    fn a_pair_delivers_no_more_than_its_baud_rate() {
+    fn pair_never_exceeds_its_baud_rate() {
         // Asserted at each arrival.
         for (baud, both) in [(9600, false), (115_200, true), (3_000_000, false)] {
             delivered(baud, both);
@@ -355,12 +354,12 @@ mod tests {
         for (baud, both) in [(9600, false), (115_200, true), (3_000_000, false)] {
             let nominal = f64::from(baud) / 10.0;
             let close = |rate: &f64| (rate / nominal - 1.0).abs() <= 0.01;
-            // A machine that is busy with other things may keep the line waiting: the best of many.
+            // Other load of the machine may delay the line: the best of many runs counts.
             let mut rates = Vec::new();
             while rates.len() < 25 && !rates.last().is_some_and(close) {
                 rates.push(delivered(baud, both));
             }
-            println!("{baud} baud, both ways {both}: {rates:.1?} octets/s of {nominal}");
+            println!("{baud} baud, both ways {both}: {rates:.1?} bytes/s of {nominal}");
             assert!(rates.last().is_some_and(close), "{baud}: {rates:?}");
         }
     }

@@ -1,4 +1,4 @@
-//! Serial ports: SLIP frames with CRC-32, two threads a port. A port that vanishes is reopened.
+//! Serial ports: SLIP frames with CRC-32, two threads per port. A lost port is reopened.
 
 use super::error::{LinkError, OpenError};
 use super::kind::{BothEnds, Link, Options};
@@ -33,7 +33,7 @@ fn open(url: &Address, _: &Options) -> Result<Wire, OpenError> {
     Ok(wire)
 }
 
-/// Opens the port called `path`; in a `loopback`, where it goes with its only client.
+/// Opens the port `path`; in a `loopback`, it closes with its only client.
 fn start(
     url: &Address,
     path: &str,
@@ -73,18 +73,17 @@ fn start(
     Ok(Wire { airtime, ..wire })
 }
 
-/// A port's place and speed.
 struct Device {
     path: String,
     baud: u32,
-    /// Whether it goes with the loopback's only client.
+    /// Whether it closes with the only client of a loopback.
     loopback: bool,
 }
 
 type Port = Box<dyn SerialPort>;
 
 impl Device {
-    /// Opens it, once for each thread.
+    /// Opens a handle for each thread.
     fn open(&self) -> serialport::Result<(Port, Port)> {
         let port = serialport::new(&self.path, self.baud)
             .timeout(READ_TIMEOUT)
@@ -98,28 +97,28 @@ impl Device {
     }
 }
 
-/// What the two threads share.
+/// State shared by the two threads.
 struct Line {
     device: Device,
-    /// The port to write to. None while the writer uses it, and while the device is gone: an open
-    /// handle would keep its name from coming back.
+    /// The port to write to. `None` while the writer uses it, and while the device is lost: an open
+    /// handle would block the reuse of its name.
     output: Mutex<Option<Port>>,
     back: Condvar,
-    /// How often the port was lost. The thread that notices counts; the other compares the number.
+    /// How often the port was lost: incremented by one thread, compared by the other.
     losses: AtomicU32,
     tally: Arc<Tally>,
 }
 
 impl Line {
-    /// Counts a loss, unless it has been counted since there were `known` of them.
+    /// Counts a loss, unless the number has changed from `known`.
     fn lose(&self, known: u32) {
         let (relaxed, next) = (Ordering::Relaxed, known.wrapping_add(1));
-        // Counted by the other thread: as good.
+        // On failure the other thread has counted it.
         let _ = self.losses.compare_exchange(known, next, relaxed, relaxed);
     }
 
-    /// Writes all `octets`, however long that takes: the queue stays full meanwhile, and the
-    /// emulator drops whole frames. While the port is gone, packets wait. The reader never waits
+    /// Writes all `bytes`, however long that takes: the queue stays full meanwhile, and the
+    /// emulator drops whole frames. While the port is lost, packets wait. The reader never waits
     /// for a write.
     fn put(&self, mut bytes: &[u8], wanted: &dyn Fn() -> bool) -> Put {
         let mut output = lock(&self.output);
@@ -135,14 +134,14 @@ impl Line {
         };
         let known = self.losses.load(Ordering::Relaxed);
         drop(output);
-        let is_there = || self.losses.load(Ordering::Relaxed) == known;
+        let is_present = || self.losses.load(Ordering::Relaxed) == known;
         while !bytes.is_empty() {
             match port.write(bytes) {
                 Ok(length) if length > 0 => {
                     self.tally.moved(length);
                     bytes = &bytes[length..];
                 }
-                Err(error) if is_passing(&error) && wanted() && is_there() => {}
+                Err(error) if is_transient(&error) && wanted() && is_present() => {}
                 _ => {
                     self.lose(known);
                     return Put::Lost(Unsent::Failed);
@@ -150,19 +149,19 @@ impl Line {
             }
         }
         let mut output = lock(&self.output);
-        if is_there() {
+        if is_present() {
             *output = Some(port);
         }
         Put::Sent
     }
 }
 
-/// Octets in, packets into the queue, until the writer has ended (the emulator dropped its end).
+/// Reads packets into the queue until the writer has ended (the emulator closed its end).
 fn read(line: &Line, port: Port, mut reader: PacketReader, stop: &AtomicBool) {
     let path = &line.device.path;
     let mut buffer = [0; 4096];
     let mut input = Some(port);
-    // Whether the line has been lost, and since then not worked.
+    // Whether the line was lost and has not been read since.
     let mut lost = false;
     let mut known = 0;
     while !stop.load(Ordering::Relaxed) {
@@ -181,14 +180,14 @@ fn read(line: &Line, port: Port, mut reader: PacketReader, stop: &AtomicBool) {
             }
             continue;
         };
-        let heard = match port.read(&mut buffer) {
+        let result = match port.read(&mut buffer) {
             Ok(0) => Err(ErrorKind::BrokenPipe.into()),
-            Err(error) if is_passing(&error) && line.losses.load(Ordering::Relaxed) == known => {
+            Err(error) if is_transient(&error) && line.losses.load(Ordering::Relaxed) == known => {
                 Ok(0)
             }
-            heard => heard,
+            result => result,
         };
-        match heard {
+        match result {
             Ok(length) => {
                 if std::mem::take(&mut lost) {
                     count(&line.tally.reconnects);
@@ -200,7 +199,7 @@ fn read(line: &Line, port: Port, mut reader: PacketReader, stop: &AtomicBool) {
             }
             Err(error) => {
                 if !std::mem::replace(&mut lost, true) && !line.device.loopback {
-                    tracing::warn!("the serial line {path} has gone ({error}): waiting for it");
+                    tracing::warn!("the serial line {path} is lost ({error}): trying to reopen it");
                 }
                 line.lose(known);
                 *lock(&line.output) = None;
@@ -211,7 +210,7 @@ fn read(line: &Line, port: Port, mut reader: PacketReader, stop: &AtomicBool) {
     }
 }
 
-fn is_passing(error: &std::io::Error) -> bool {
+fn is_transient(error: &std::io::Error) -> bool {
     matches!(
         error.kind(),
         ErrorKind::TimedOut | ErrorKind::Interrupted | ErrorKind::WouldBlock
@@ -230,7 +229,6 @@ pub(super) fn pseudo_terminal(
     })
 }
 
-/// The error for a system without pseudo-terminals.
 #[cfg(not(unix))]
 pub(super) fn no_pseudo_terminal(url: &Address) -> LinkError {
     const REMEDY: &str = "this system has none: use --link udp or memory";
@@ -239,14 +237,14 @@ pub(super) fn no_pseudo_terminal(url: &Address) -> LinkError {
     LinkError::refused(url, "open a pseudo-terminal pair", error, REMEDY)
 }
 
-/// The flight computer has one end of a pseudo-terminal, the emulator opens the other by its name.
+/// The flight computer gets one end of a pseudo-terminal, the emulator opens the other by its name.
 #[cfg(unix)]
 fn loopback(url: &Address, _: &Options) -> Result<BothEnds, OpenError> {
     use skyloop_firmware_sim::serial::SerialPort as FlightComputerPort;
     let baud = baud_of(url, 115_200)?;
     let (master, slave) = pseudo_terminal(url)?;
     let device = slave.name().unwrap_or_default();
-    // A pseudo-terminal carries octets as fast as they come, whatever rate it is set to.
+    // A pseudo-terminal ignores the baud rate.
     let wire = start(url, &device, baud, None, true)?;
     drop(slave);
     let port = FlightComputerPort::over(Box::new(master));
@@ -285,40 +283,40 @@ mod tests {
         (client, device)
     }
 
-    fn heard(wire: &Wire) -> Vec<u8> {
+    fn receive(wire: &Wire) -> Vec<u8> {
         wire.inbox.recv_timeout(TIMEOUT).unwrap().packet.to_vec()
     }
 
     #[test]
-    fn a_port_that_goes_is_opened_again_when_it_is_back() {
+    fn lost_port_is_reopened() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("port");
         let (mut client, mut device) = named(&path);
         let mut wire = at(&path);
         client.write_all(&framed(b"first")).unwrap();
-        assert_eq!(heard(&wire), b"first");
+        assert_eq!(receive(&wire), b"first");
         for round in 1..=2 {
             // With both ends closed the pseudo-terminal vanishes, like an unplugged adapter. Its
-            // name goes first: the system reuses the number.
+            // name is removed first: the system reuses the number.
             std::fs::remove_file(&path).unwrap();
             drop((client, device));
             let quiet = wire.inbox.recv_timeout(3 * READ_TIMEOUT).unwrap_err();
-            assert_eq!(quiet, RecvTimeoutError::Timeout, "the link lives on");
+            assert_eq!(quiet, RecvTimeoutError::Timeout, "the link stays open");
             offer(&mut wire, 0, b"meanwhile");
             (client, device) = named(&path);
             client.set_timeout(TIMEOUT).unwrap();
             let mut line = [0; 15];
             client.read_exact(&mut line).unwrap();
-            assert_eq!(&line[1..10], b"meanwhile", "the queue waits with it");
+            assert_eq!(&line[1..10], b"meanwhile", "the queue has waited");
             client.write_all(&framed(b"second")).unwrap();
-            assert_eq!(heard(&wire), b"second");
+            assert_eq!(receive(&wire), b"second");
             let counters = wire.tally.counters();
             assert_eq!((counters.reconnects, counters.lost_outbound), (round, 0));
         }
     }
 
     #[test]
-    fn a_link_that_waits_for_its_port_can_be_closed() {
+    fn link_without_its_port_can_be_closed() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("port");
         let ends = named(&path);

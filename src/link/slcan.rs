@@ -1,4 +1,4 @@
-//! CAN through a LAWICEL-style adapter on a serial port: for hosts without CAN in their kernel.
+//! CAN through a LAWICEL-style adapter on a serial port, for hosts without SocketCAN.
 
 use super::bus;
 use super::error::{LinkError, OpenError};
@@ -8,7 +8,7 @@ use skyloop_firmware_sim::address::Address;
 use skyloop_firmware_sim::can::settings::ADAPTER_KEYS;
 use skyloop_firmware_sim::can::slcan;
 
-/// Adapters.
+/// Adapters on serial ports.
 pub const SLCAN: Link = Link {
     scheme: "slcan",
     example: "slcan:///dev/ttyACM0?bitrate=500000",

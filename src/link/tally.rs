@@ -1,4 +1,4 @@
-//! Counters of a link, and whether bytes still leave it.
+//! Counters of a link, and detection of a standstill.
 
 use super::tx_complete::{TxComplete, Unsent};
 use skyloop_protocols::credit::PAID;
@@ -8,49 +8,49 @@ use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
 
-/// What faults do to packets of one direction.
+/// Effect of faults on packets of one direction.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Harm {
-    /// Some are late, and have not gone on yet.
+pub enum FaultEffect {
+    /// Some are delayed and have not left yet.
     Delays,
     /// Some were lost or damaged.
     Loses,
 }
 
-/// Likewise, as the faults count it.
+/// The same as counted by the faults.
 #[derive(Debug, Default)]
-struct Harmed {
+struct FaultCounters {
     /// Whether packets are held back now.
     is_held_back: AtomicBool,
-    /// Packets that were lost or damaged.
+    /// Number of lost or damaged packets.
     lost: AtomicU32,
 }
 
 /// Time on the wire of one packet of a length in bytes, framing included.
 pub type Airtime = Arc<dyn Fn(usize) -> Duration + Send + Sync>;
 
-/// What a link counts.
+/// Counters of a link.
 #[derive(Debug, Default)]
 pub struct Tally {
-    /// Packets that went into the outbound queue, and that have left it for good.
+    /// Packets queued outbound, and packets that have left the queue.
     pub tx_complete: TxComplete,
     /// Bytes that have left, modulo 2^32.
     moved: AtomicU32,
-    /// Why waiting packets were given up; unset before that.
+    /// Why waiting packets were abandoned; unset before that.
     given_up: OnceLock<Unsent>,
-    /// Whether the client is to prove its address before it gets frames.
+    /// Whether the client must prove its address before it gets frames.
     awaits_proof: AtomicBool,
-    /// Frame packets that did not leave since their client's address was not proved.
+    /// Frame packets not sent because the client's address was not proved.
     unproved: AtomicU32,
-    /// What faults do to packets, by direction.
-    harmed: [Harmed; 2],
-    /// The exchange whose client has gone, by its number; 0: none.
+    /// Effects of faults by direction.
+    fault_counters: [FaultCounters; 2],
+    /// Number of the exchange whose client has gone; 0: none.
     ended: AtomicU32,
-    /// Packets from others than the client.
+    /// Packets from other senders than the client.
     pub(super) foreign: AtomicU32,
-    /// Packets thrown away because the inbound queue was full.
+    /// Packets dropped because the inbound queue was full.
     pub(super) dropped: AtomicU32,
-    /// Serial frames with an escape of nothing.
+    /// Serial frames with an invalid escape.
     pub(super) bad_framing: AtomicU32,
     /// Serial frames with a wrong CRC-32.
     pub(super) bad_crc: AtomicU32,
@@ -58,20 +58,20 @@ pub struct Tally {
     pub(super) runts: AtomicU32,
     /// Frames longer than any packet.
     pub(super) oversize: AtomicU32,
-    /// Times that the line was lost and came back.
+    /// How often the line was lost and came back.
     pub(super) reconnects: AtomicU32,
-    /// Messages over several CAN frames that never came whole.
+    /// Incomplete messages of several CAN frames.
     pub(super) incomplete: AtomicU32,
     /// Error frames of a CAN bus.
     pub(super) bus_errors: AtomicU32,
-    /// Times that the CAN controller went off the bus.
+    /// How often the CAN controller went off the bus.
     pub(super) bus_off: AtomicU32,
     /// Packets whose client had gone or did not read, or that the system refused to send.
     pub(super) lost: AtomicU32,
 }
 
 impl Tally {
-    /// Adds what the link has counted.
+    /// Adds the counters of the link.
     pub fn add_to(&self, counters: &mut Counters) {
         for (counted, counter) in [
             (&self.foreign, &mut counters.foreign_packets),
@@ -90,40 +90,41 @@ impl Tally {
         }
     }
 
-    /// What the link alone has counted.
+    /// The counters of the link alone.
     pub fn counters(&self) -> Counters {
         let mut counters = Counters::default();
         self.add_to(&mut counters);
         counters
     }
 
-    /// Books a packet put into the outbound queue.
+    /// Counts a packet put into the outbound queue.
     pub(super) fn queued(&self) {
         self.tx_complete.queued();
     }
 
-    /// Puts a packet into the outbound queue. Booked first: it may leave before `try_send` returns.
+    /// Puts a packet into the outbound queue. Counted first: it may leave before `try_send`
+    /// returns.
     pub(super) fn queue<E>(&self, try_send: impl FnOnce() -> Result<(), E>) -> Result<(), E> {
         self.queued();
         try_send().inspect_err(|_| self.tx_complete.refused())
     }
 
-    /// Books a packet that has left the queue for good.
+    /// Counts a packet that has left the queue.
     pub(super) fn done(&self) {
         self.tx_complete.done();
     }
 
-    /// Books a packet that has left the queue and was not sent. Its frame is not delivered.
+    /// Counts a packet that has left the queue unsent. Its frame is not delivered.
     pub(super) fn lose(&self, packet: &[u8], why: Unsent) {
         if !self.is_given_up() {
-            // Else all that waited is counted already.
+            // Else all waiting packets are counted already.
             count(&self.lost);
         }
-        self.let_go(is_of_frame(packet), why);
+        self.finish_unsent(is_of_frame(packet), why);
     }
 
-    /// Books a packet, of a frame or not, that has left the queue, was not sent, and is counted.
-    pub(super) fn let_go(&self, is_of_frame: bool, why: Unsent) {
+    /// Like [`Tally::lose`] for a packet that is already counted as lost.
+    pub(super) fn finish_unsent(&self, is_of_frame: bool, why: Unsent) {
         if is_of_frame {
             self.tx_complete.lost(self.why_given_up().unwrap_or(why));
         } else {
@@ -131,73 +132,72 @@ impl Tally {
         }
     }
 
-    /// Books all that waits as lost; how much that is.
+    /// Counts all waiting packets as lost; returns their number.
     pub(super) fn give_up(&self, why: Unsent) -> u32 {
         let left = self.waiting();
         self.lost.fetch_add(left, Ordering::Relaxed);
-        // Nobody has set it before: a link is closed once.
+        // It is unset: a link is closed only once.
         let _ = self.given_up.set(why);
         left
     }
 
-    /// Why all that waited is lost; none before.
+    /// Why the waiting packets were lost; `None` before that.
     pub fn why_given_up(&self) -> Option<Unsent> {
         self.given_up.get().copied()
     }
 
-    /// Whether all waiting packets are given up.
+    /// Whether the waiting packets are abandoned.
     pub(super) fn is_given_up(&self) -> bool {
         self.given_up.get().is_some()
     }
 
-    /// Whether the client is to prove its address before it gets frames.
+    /// Whether the client must prove its address before it gets frames.
     pub fn awaits_proof(&self) -> bool {
         self.awaits_proof.load(Ordering::Relaxed)
     }
 
-    /// Notes whether it is.
+    /// Sets whether it must.
     pub(super) fn await_proof(&self, awaits: bool) {
         self.awaits_proof.store(awaits, Ordering::Relaxed);
     }
 
-    /// Frame packets removed since the client's address was not proved. They count as lost, too.
+    /// Frame packets removed because the client's address was not proved. They also count as lost.
     pub fn unproved(&self) -> u32 {
         self.unproved.load(Ordering::SeqCst)
     }
 
-    /// Notes that one is removed: before it counts as lost.
+    /// Counts a removed packet, before it counts as lost.
     pub(super) fn withhold(&self) {
         self.unproved.fetch_add(1, Ordering::SeqCst);
     }
 
-    /// Whether a fault holds back packets that are to leave: the client cannot have them.
+    /// Whether a fault holds back outgoing packets, so that the client cannot have received them.
     pub fn is_held_back(&self) -> bool {
-        let [_, way_out] = &self.harmed;
-        way_out.is_held_back.load(Ordering::Relaxed)
+        let [_, outbound] = &self.fault_counters;
+        outbound.is_held_back.load(Ordering::Relaxed)
     }
 
-    /// Effect of faults on a direction, which had lost `before` packets; none if there is none.
-    pub fn harm(&self, direction: Direction, before: u32) -> Option<Harm> {
-        let harmed = self.harmed.get(usize::from(direction.code()))?;
-        if harmed.is_held_back.load(Ordering::Relaxed) {
-            return Some(Harm::Delays);
+    /// Effect of faults on a direction since it had lost `before` packets.
+    pub fn fault_effect(&self, direction: Direction, before: u32) -> Option<FaultEffect> {
+        let counters = self.fault_counters.get(usize::from(direction.code()))?;
+        if counters.is_held_back.load(Ordering::Relaxed) {
+            return Some(FaultEffect::Delays);
         }
-        let lost = harmed.lost.load(Ordering::Relaxed);
-        (lost != before).then_some(Harm::Loses)
+        let lost = counters.lost.load(Ordering::Relaxed);
+        (lost != before).then_some(FaultEffect::Loses)
     }
 
-    /// Packets that faults have lost or damaged, in and out, modulo 2^32.
+    /// Packets lost or damaged by faults, in and out, modulo 2^32.
     pub fn lost_to_faults(&self) -> [u32; 2] {
-        let lost = |harmed: &Harmed| harmed.lost.load(Ordering::Relaxed);
-        self.harmed.each_ref().map(lost)
+        let lost = |counters: &FaultCounters| counters.lost.load(Ordering::Relaxed);
+        self.fault_counters.each_ref().map(lost)
     }
 
-    /// Books whether faults hold packets of a direction back, and how many more they lost or
-    /// damaged.
-    pub(super) fn note_harm(&self, direction: Direction, is_held_back: bool, lost: u32) {
-        if let Some(harmed) = self.harmed.get(usize::from(direction.code())) {
-            harmed.is_held_back.store(is_held_back, Ordering::Relaxed);
-            harmed.lost.fetch_add(lost, Ordering::Relaxed);
+    /// Notes whether faults hold back packets of a direction, and adds lost and damaged ones.
+    pub(super) fn note_faults(&self, direction: Direction, is_held_back: bool, lost: u32) {
+        if let Some(counters) = self.fault_counters.get(usize::from(direction.code())) {
+            counters.is_held_back.store(is_held_back, Ordering::Relaxed);
+            counters.lost.fetch_add(lost, Ordering::Relaxed);
         }
     }
 
@@ -227,56 +227,55 @@ impl Tally {
     }
 }
 
-/// Whether a packet is of a frame.
+/// Whether a packet belongs to a frame.
 pub fn is_of_frame(packet: &[u8]) -> bool {
     identify(packet).is_some_and(|(apid, _)| PAID.contains(&apid))
 }
 
-/// One more.
 pub(super) fn count(counter: &AtomicU32) {
     counter.fetch_add(1, Ordering::Relaxed);
 }
 
-/// Waits while bytes leave, and some time longer.
+/// Waits until bytes have stopped leaving for some time.
 pub struct Standstill {
     tally: Arc<Tally>,
     timeout: Duration,
     bytes: u32,
     begun: Instant,
-    /// When bytes left last, as far as is known.
+    /// When bytes last left, as far as known.
     moved: Instant,
     since: Instant,
     until: Instant,
     is_logged: bool,
 }
 
-/// Silence after which a link stands still, and after which the end of a run reports its wait.
+/// Time without bytes that counts as a standstill, and delay before a wait is reported.
 pub const SOON: Duration = Duration::from_millis(500);
 
-/// Silence after which a link stands still: `least`, or twice the time of a packet, which may leave
-/// in one piece.
-pub fn timeout(airtime: Option<&Airtime>, least: Duration) -> Duration {
+/// Time without bytes that counts as a standstill: `min`, or twice the airtime of a packet, which
+/// may leave in one piece.
+pub fn timeout(airtime: Option<&Airtime>, min: Duration) -> Duration {
     let packet = airtime.map_or(Duration::ZERO, |airtime| airtime(MAX_PACKET));
-    least.max(2 * packet)
+    min.max(2 * packet)
 }
 
 impl Standstill {
-    /// Over when nothing has left for `patience`; on a slow line that still moves, after three
+    /// Ends when nothing has left for `timeout`, and on a slow line that still moves after three
     /// times that.
-    pub fn of(tally: &Arc<Tally>, patience: Duration) -> Standstill {
+    pub fn of(tally: &Arc<Tally>, timeout: Duration) -> Standstill {
         Standstill {
             tally: tally.clone(),
-            timeout: patience,
+            timeout,
             bytes: tally.bytes(),
             begun: Instant::now(),
             moved: Instant::now(),
             since: Instant::now(),
-            until: Instant::now() + 3 * patience,
+            until: Instant::now() + 3 * timeout,
             is_logged: false,
         }
     }
 
-    /// Over at `until` at the latest.
+    /// Ends at `until` at the latest.
     pub fn until(self, until: Instant) -> Standstill {
         Standstill {
             until: self.until.min(until),
@@ -284,12 +283,12 @@ impl Standstill {
         }
     }
 
-    /// Bytes left last at `moved`.
+    /// Sets when bytes last left.
     pub fn moved(self, moved: Instant) -> Standstill {
         Standstill { moved, ..self }
     }
 
-    /// Why what waits has not left.
+    /// Why the waiting packets have not left.
     pub fn why(&self, airtime: Option<&Airtime>) -> Unsent {
         if self.tally.is_held_back() {
             Unsent::HeldBack
@@ -302,7 +301,7 @@ impl Standstill {
         }
     }
 
-    /// Pauses for a moment; true if waiting any longer is useless.
+    /// Pauses briefly; returns whether the wait is over.
     pub fn is_over(&mut self) -> bool {
         std::thread::sleep(Duration::from_millis(2));
         let (bytes, now) = (self.tally.bytes(), Instant::now());
@@ -310,13 +309,13 @@ impl Standstill {
             (self.bytes, self.since, self.moved) = (bytes, now, now);
         }
         if self.begun.elapsed() > SOON && !std::mem::replace(&mut self.is_logged, true) {
-            let what = if self.tally.is_held_back() {
+            let awaited = if self.tally.is_held_back() {
                 "packets that a fault holds back"
             } else {
                 "the client to read what is queued"
             };
             tracing::warn!(
-                "waiting for {what}: {:.1} s at most",
+                "waiting for {awaited}: {:.1} s at most",
                 self.until
                     .saturating_duration_since(self.begun)
                     .as_secs_f64()

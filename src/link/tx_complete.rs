@@ -1,4 +1,4 @@
-//! When queued packets have left the queue: only the thread of the link sees the end of a frame.
+//! Tracks when queued packets have left the queue: only the thread of the link sees it.
 
 use super::lock::lock;
 use std::collections::VecDeque;
@@ -6,27 +6,28 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicU32, AtomicUsize, Ordering};
 use std::time::Instant;
 
-/// Packets queued and sent so far, and marks at the ends of frames.
+/// Numbers of queued and sent packets, and marks at the ends of frames.
 #[derive(Debug, Default)]
 pub struct TxComplete {
     /// Packets put into the queue so far, modulo 2^32.
     queued: AtomicU32,
-    /// Packets that have left it for good, sent or lost, likewise.
+    /// Packets that have left it, sent or lost, modulo 2^32.
     done: AtomicU32,
-    /// How many marks have not been reached.
+    /// Number of marks not reached yet.
     open: AtomicUsize,
-    book: Mutex<Book>,
+    state: Mutex<Marks>,
 }
 
 #[derive(Debug, Default)]
-struct Book {
-    /// The oldest first: in the order of their places in the queue.
+struct Marks {
+    /// In the order of their positions in the queue.
     marks: VecDeque<Marked>,
-    /// The frame packet that was lost last, as a count of packets that have left, and why.
+    /// Position of the frame packet lost last, as a count of packets that have left, and the
+    /// reason.
     lost: Option<(u32, Unsent)>,
 }
 
-/// The packets of a frame in the queue: those after `before`, up to `last`.
+/// The packets of a frame in the queue: after `before`, up to `last`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Mark {
     before: u32,
@@ -34,10 +35,10 @@ pub struct Mark {
 }
 
 impl Mark {
-    /// Why one of its packets was lost, if the last one that was lost is among them.
+    /// Why a packet was lost, if the packet lost last belongs to this frame.
     fn loss(&self, lost: Option<(u32, Unsent)>) -> Option<Unsent> {
-        let (place, why) = lost?;
-        let is_within = is_reached(place, self.last) && !is_reached(place, self.before);
+        let (position, why) = lost?;
+        let is_within = is_reached(position, self.last) && !is_reached(position, self.before);
         is_within.then_some(why)
     }
 }
@@ -45,15 +46,15 @@ impl Mark {
 /// Why a packet was not sent.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Unsent {
-    /// Its client has gone, or another has followed it.
+    /// The client has gone, or another has followed.
     ClientGone,
     /// The client has not proved its address.
     NotProved,
     /// The client does not read.
     NotRead,
-    /// The system refused it, or the line was lost.
+    /// The system refused to send it, or the line was lost.
     Failed,
-    /// A fault held it back until the run had ended.
+    /// A fault held it back until the end of the run.
     HeldBack,
     /// The run ended before the link could carry it.
     RunEnded,
@@ -62,9 +63,9 @@ pub enum Unsent {
 /// How the packets of a frame left the queue.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Exit {
-    /// When the last one did.
+    /// When the last one left.
     pub at: Instant,
-    /// Why one of them was not sent.
+    /// Why one of them was not sent, if so.
     pub lost: Option<Unsent>,
 }
 
@@ -79,14 +80,14 @@ impl TxComplete {
         self.queued.fetch_add(1, Ordering::SeqCst);
     }
 
-    /// The last packet was refused and does not count. For the thread that queues and marks.
+    /// Takes back the last `queued`: the packet was refused. For the thread that queues and marks.
     pub(super) fn refused(&self) {
         self.queued.fetch_sub(1, Ordering::SeqCst);
     }
 
-    /// Hands a packet to a further queue, which books it if `is_taken`. It counts once meanwhile. A
-    /// mark set in between is one packet early.
-    pub(super) fn hand_on<T>(
+    /// Offers a packet to a further queue, which counts it if `is_taken`, so that it counts once. A
+    /// mark set meanwhile is one packet early.
+    pub(super) fn forward<T>(
         &self,
         offer: impl FnOnce() -> T,
         is_taken: impl FnOnce(&T) -> bool,
@@ -103,32 +104,35 @@ impl TxComplete {
     pub(super) fn done(&self) {
         let done = self.done.fetch_add(1, Ordering::SeqCst).wrapping_add(1);
         if self.open.load(Ordering::SeqCst) > 0 {
-            self.reach(&mut lock(&self.book), done);
+            self.reach(&mut lock(&self.state), done);
         }
     }
 
     /// A packet of a frame has left the queue and was not sent.
     pub(super) fn lost(&self, why: Unsent) {
-        // A mark that finds the packet gone finds its loss too.
-        let mut book = lock(&self.book);
+        // Under the lock: a mark that finds the packet gone also finds its loss.
+        let mut state = lock(&self.state);
         let done = self.done.fetch_add(1, Ordering::SeqCst).wrapping_add(1);
-        book.lost = Some((done, why));
-        self.reach(&mut book, done);
+        state.lost = Some((done, why));
+        self.reach(&mut state, done);
     }
 
-    fn reach(&self, book: &mut Book, done: u32) {
+    fn reach(&self, state: &mut Marks, done: u32) {
         let at = Instant::now();
-        let open = book.marks.iter_mut().filter(|marked| marked.left.is_none());
+        let open = state
+            .marks
+            .iter_mut()
+            .filter(|marked| marked.left.is_none());
         for marked in open.take_while(|marked| is_reached(marked.mark.last, done)) {
-            let lost = marked.mark.loss(book.lost);
+            let lost = marked.mark.loss(state.lost);
             marked.left = Some(Exit { at, lost });
             self.open.fetch_sub(1, Ordering::SeqCst);
         }
     }
 
-    /// Packets that have not left.
+    /// Number of packets that have not left.
     pub(super) fn waiting(&self) -> u32 {
-        // In this order: what is queued meanwhile is counted, and none is taken for less than none.
+        // `done` first: a packet queued meanwhile counts, and the difference is never negative.
         let done = self.done.load(Ordering::SeqCst);
         self.queued.load(Ordering::SeqCst).wrapping_sub(done)
     }
@@ -138,13 +142,13 @@ impl TxComplete {
         self.queued.load(Ordering::SeqCst)
     }
 
-    /// Marks the packets of a frame: all that were queued after `before`. Their exit is stored
-    /// until it is read.
+    /// Marks the packets of a frame: all queued after `before`. Their exit is stored until it is
+    /// read.
     pub fn mark(&self, before: u32) -> Mark {
         let last = self.place();
         let mark = Mark { before, last };
-        let mut book = lock(&self.book);
-        // Before reading `done`: a packet that leaves meanwhile finds the mark, or is counted.
+        let mut state = lock(&self.state);
+        // Before reading `done`: a packet that leaves meanwhile finds the mark or is in the count.
         self.open.fetch_add(1, Ordering::SeqCst);
         let reached = is_reached(last, self.done.load(Ordering::SeqCst));
         if reached {
@@ -152,18 +156,19 @@ impl TxComplete {
         }
         let left = reached.then(|| Exit {
             at: Instant::now(),
-            lost: mark.loss(book.lost),
+            lost: mark.loss(state.lost),
         });
-        book.marks.push_back(Marked { mark, left });
+        state.marks.push_back(Marked { mark, left });
         mark
     }
 
-    /// How the marked packets left, once. None if they have not, or an older mark is still unread.
+    /// Takes the exit of the marked packets. `None` if they have not left, or an older mark is
+    /// unread.
     pub fn left(&self, mark: Mark) -> Option<Exit> {
         if !is_reached(mark.last, self.done.load(Ordering::SeqCst)) {
             return None;
         }
-        let marks = &mut lock(&self.book).marks;
+        let marks = &mut lock(&self.state).marks;
         let left = marks.front().filter(|oldest| oldest.mark == mark)?.left?;
         marks.pop_front();
         Some(left)
@@ -171,7 +176,7 @@ impl TxComplete {
 
     /// Drops a mark.
     pub fn forget(&self, mark: Mark) {
-        let marks = &mut lock(&self.book).marks;
+        let marks = &mut lock(&self.state).marks;
         if let Some(at) = marks.iter().position(|marked| marked.mark == mark)
             && marks.remove(at).is_some_and(|marked| marked.left.is_none())
         {
@@ -180,8 +185,8 @@ impl TxComplete {
     }
 }
 
-fn is_reached(place: u32, done: u32) -> bool {
-    done.wrapping_sub(place) as i32 >= 0
+fn is_reached(position: u32, done: u32) -> bool {
+    done.wrapping_sub(position) as i32 >= 0
 }
 
 #[cfg(test)]
@@ -189,9 +194,9 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_mark_is_reached_when_all_before_it_has_left() {
+    fn mark_is_reached_when_all_packets_before_it_have_left() {
         let tx_complete = TxComplete::default();
-        // Over the wrap of the counts.
+        // The counts wrap.
         for count in [&tx_complete.queued, &tx_complete.done] {
             count.store(u32::MAX - 1, Ordering::SeqCst);
         }
@@ -206,18 +211,18 @@ mod tests {
         tx_complete.done();
         let after = Instant::now();
         tx_complete.lost(Unsent::Failed);
-        assert_eq!(tx_complete.left(later), None, "the oldest first");
+        assert_eq!(tx_complete.left(later), None, "an older mark is unread");
         let left = tx_complete.left(mark).unwrap();
         assert!((before..=after).contains(&left.at) && left.lost.is_none());
-        assert_eq!(tx_complete.left(mark), None, "forgotten");
+        assert_eq!(tx_complete.left(mark), None, "taken");
         let left = tx_complete.left(later).unwrap();
         assert!(left.at >= after && left.lost == Some(Unsent::Failed));
         assert_eq!(tx_complete.open.load(Ordering::SeqCst), 0);
     }
 
-    /// However often a full queue is asked, and however many queues a packet goes through.
+    /// A full queue may refuse often, and a packet may pass several queues.
     #[test]
-    fn what_is_refused_or_handed_on_has_not_left() {
+    fn refused_and_forwarded_packets_have_not_left() {
         let tx_complete = TxComplete::default();
         (0..3).for_each(|_| tx_complete.queued());
         let mark = tx_complete.mark(0);
@@ -233,7 +238,7 @@ mod tests {
                 }
                 is_taken
             };
-            tx_complete.hand_on(offer, |is_taken| *is_taken);
+            tx_complete.forward(offer, |is_taken| *is_taken);
         }
         assert_eq!((tx_complete.waiting(), tx_complete.left(mark)), (3, None));
         (0..2).for_each(|_| tx_complete.done());
@@ -243,9 +248,9 @@ mod tests {
         assert_eq!(tx_complete.waiting(), 0);
     }
 
-    /// Two packets leave at once, and the later mark is reached first.
+    /// Two packets leave at once, so the later mark may be reached first.
     #[test]
-    fn a_mark_that_is_reached_first_hides_no_older_one() {
+    fn later_mark_reached_first_does_not_hide_the_older_one() {
         let tx_complete = TxComplete::default();
         (0..2).for_each(|_| tx_complete.queued());
         let at = Instant::now();
@@ -254,7 +259,7 @@ mod tests {
             last,
         });
         for (mark, left) in marks.into_iter().zip([None, Some(Exit { at, lost: None })]) {
-            let marks = &mut lock(&tx_complete.book).marks;
+            let marks = &mut lock(&tx_complete.state).marks;
             marks.push_back(Marked { mark, left });
         }
         tx_complete.open.store(1, Ordering::SeqCst);
@@ -263,7 +268,7 @@ mod tests {
     }
 
     #[test]
-    fn what_has_left_already_is_reached_at_once_and_what_is_forgotten_never() {
+    fn mark_of_sent_packets_is_reached_at_once_and_a_dropped_one_never() {
         let tx_complete = TxComplete::default();
         tx_complete.queued();
         tx_complete.done();
@@ -279,15 +284,14 @@ mod tests {
         tx_complete.done();
         assert_eq!(tx_complete.left(mark), None);
         assert_eq!(tx_complete.open.load(Ordering::SeqCst), 0);
-        assert_eq!(lock(&tx_complete.book).marks.len(), 0);
+        assert_eq!(lock(&tx_complete.state).marks.len(), 0);
     }
 
-    /// Frames of three packets; an answer precedes the second. A frame is lost with its own packets
-    /// only.
+    /// Frames of three packets; an answer precedes the second frame.
     #[test]
-    fn a_frame_is_lost_with_any_of_its_packets() {
+    fn frame_is_lost_with_any_of_its_own_packets() {
         use Unsent::{ClientGone, NotProved};
-        // Places of the packets that are lost, and why each frame is.
+        // Positions of the lost packets, and the reason for each frame.
         for (lost, expected) in [
             (vec![], [None; 2]),
             (vec![(0, NotProved)], [Some(NotProved), None]),
@@ -299,17 +303,19 @@ mod tests {
         ] {
             for marked_late in [false, true] {
                 let tx_complete = TxComplete::default();
-                let leave = |places: std::ops::Range<u32>| {
-                    places.for_each(|place| match lost.iter().find(|(at, _)| *at == place) {
-                        None => tx_complete.done(),
-                        Some((_, why)) => tx_complete.lost(*why),
+                let leave = |positions: std::ops::Range<u32>| {
+                    positions.for_each(|position| {
+                        match lost.iter().find(|(at, _)| *at == position) {
+                            None => tx_complete.done(),
+                            Some((_, why)) => tx_complete.lost(*why),
+                        }
                     });
                 };
                 let mut marks = Vec::new();
-                for (before, packets, places) in [(0, 3, 0..3), (4, 4, 3..7)] {
+                for (before, packets, positions) in [(0, 3, 0..3), (4, 4, 3..7)] {
                     (0..packets).for_each(|_| tx_complete.queued());
                     if marked_late {
-                        leave(places);
+                        leave(positions);
                     }
                     marks.push(tx_complete.mark(before));
                 }

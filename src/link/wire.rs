@@ -11,27 +11,26 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-/// How long the end of a run waits for its threads to let go.
-const PARTING: Duration = Duration::from_millis(100);
+/// Wait for the threads of a link at the end of a run.
+const END_WAIT: Duration = Duration::from_millis(100);
 
 /// The emulator's end of an open link.
 pub struct Wire {
-    /// Where it listens, for people.
+    /// Its address for messages.
     pub address: String,
-    /// What arrives.
+    /// Received packets.
     pub inbox: Inbox,
-    /// What leaves.
+    /// Packets to send.
     pub outbox: Box<dyn Outbox>,
-    /// What the link counts.
+    /// Counters of the link.
     pub tally: Arc<Tally>,
-    /// How long one packet takes, where the line is what limits; none where it is not.
+    /// Airtime of a packet, if the line has a limited rate.
     pub airtime: Option<Airtime>,
-    /// The sending thread, if there is one; it ends when the outbox is dropped and its queue is
-    /// empty.
+    /// The sending thread, if any. It ends when the outbox is dropped and its queue is empty.
     pub sender: Option<JoinHandle<()>>,
 }
 
-/// Notes that a client has come.
+/// Notes the first valid packet of a client.
 struct ClientSeen {
     is_valid: fn(&[u8]) -> bool,
     seen: Arc<AtomicBool>,
@@ -46,7 +45,7 @@ impl Observer for ClientSeen {
 }
 
 impl Wire {
-    /// A link without a rate of its own and without a thread that sends.
+    /// A link without a limited rate and without a sending thread.
     pub(super) fn new(
         address: String,
         inbox: Inbox,
@@ -63,13 +62,13 @@ impl Wire {
         }
     }
 
-    /// How long the longest packet takes, where that is known.
+    /// Airtime of the longest packet; 0 if the rate is not limited.
     pub fn packet_airtime(&self) -> Duration {
         let airtime = self.airtime.as_ref();
         airtime.map_or(Duration::ZERO, |airtime| airtime(MAX_PACKET))
     }
 
-    /// Sets `seen` when a valid packet of a client comes, as `is_valid` says.
+    /// Sets `seen` when a client sends a valid packet (`is_valid`).
     pub fn note_client(&mut self, is_valid: fn(&[u8]) -> bool, seen: &Arc<AtomicBool>) {
         self.inbox.observe(Box::new(ClientSeen {
             is_valid,
@@ -77,7 +76,7 @@ impl Wire {
         }));
     }
 
-    /// Lets what is queued leave, until `standstill` is over; what is left then is lost.
+    /// Waits for queued packets to leave until `standstill` ends; the remaining ones are lost.
     pub fn close(&mut self, mut standstill: Standstill) {
         // Without an outbox the sender ends when its queue is empty.
         self.outbox = Box::new(Closed);
@@ -99,9 +98,9 @@ impl Wire {
                 self.address
             );
         }
-        // What stands before the link lets go of it now, and the link of what it made: its name.
+        // Instruments around the link now close it, and the link removes its name.
         let given_up = Instant::now();
-        while !sender.is_finished() && given_up.elapsed() < PARTING {
+        while !sender.is_finished() && given_up.elapsed() < END_WAIT {
             std::thread::sleep(Duration::from_millis(1));
         }
     }

@@ -1,4 +1,4 @@
-//! The recording of a CAN bus: frames as the link reads and sends them.
+//! Recording of a CAN bus: frames as the link reads and sends them.
 
 use super::Recorder;
 use skyloop_firmware_sim::can::{CanBus, Sending};
@@ -7,7 +7,6 @@ use skyloop_protocols::can::CanFrame;
 use std::io;
 use std::time::{Duration, Instant};
 
-/// A bus that is recorded.
 struct TappedBus {
     bus: Box<dyn CanBus>,
     recorder: Recorder,

@@ -11,12 +11,12 @@ use std::fmt::Write as _;
 use std::path::Path;
 use std::time::Duration;
 
-/// The interface that is written where the link has no name that the format allows.
+/// Interface name in the log: the format does not allow the names of all links.
 const INTERFACE: &str = "can0";
 /// Flags of an FD frame: bit rate switch, FD format.
 const BRS: u8 = 1;
 const FDF: u8 = 4;
-/// The kernel's mark of an error frame, in its identifier.
+/// Error frame bit of the kernel, in the identifier.
 const ERROR: u32 = 0x2000_0000;
 
 /// One line of a log.
@@ -52,8 +52,8 @@ pub fn line(record: &Record<CanFrame>) -> String {
     line
 }
 
-/// Reads a log of candump; newer ones may state a direction (R, T) at the end of a line. A cut last
-/// line is left out.
+/// Reads a candump log. Newer versions may end a line with the direction (R, T). An incomplete last
+/// line is skipped.
 pub fn read(file: &Path, text: &str) -> Result<Vec<Record<CanFrame>>, CaptureError> {
     let (whole, rest) = text.split_at(text.rfind('\n').map_or(0, |end| end + 1));
     let text = if parse(rest).is_some() || whole.is_empty() {
@@ -68,7 +68,7 @@ pub fn read(file: &Path, text: &str) -> Result<Vec<Record<CanFrame>>, CaptureErr
             parse(line).ok_or_else(|| CaptureError::Format {
                 file: path_text(file),
                 reason: format!(
-                    "line {}: {:?} is no line of candump's log format, such as (1436509052.249713) can0 123#DEADBEEF R",
+                    "line {}: {:?} is not a line of a candump log, such as (1436509052.249713) can0 123#DEADBEEF R",
                     number + 1,
                     line.chars().take(60).collect::<String>()
                 ),
@@ -120,21 +120,21 @@ fn frame_of(text: &str) -> Option<CanFrame> {
     if frame.remote {
         frame.len = u8::from_str_radix(data.get(1..)?, 16).unwrap_or(0);
     } else {
-        for (place, pair) in data.as_bytes().chunks(2).enumerate() {
+        for (index, pair) in data.as_bytes().chunks(2).enumerate() {
             let pair = std::str::from_utf8(pair)
                 .ok()
                 .filter(|pair| pair.len() == 2)?;
-            *frame.data.get_mut(place)? = u8::from_str_radix(pair, 16).ok()?;
+            *frame.data.get_mut(index)? = u8::from_str_radix(pair, 16).ok()?;
             frame.len += 1;
         }
     }
     (matches!(id.len(), 3 | 8) && frame.is_valid()).then_some(frame)
 }
 
-/// The packets that the frames carry, each at the time of its last frame.
+/// Reassembles the packets of CAN frames, each with the time of its last frame.
 pub fn packets(frames: &[Record<CanFrame>]) -> Vec<Record<Bytes>> {
     let fd = frames.iter().any(|frame| frame.item.fd);
-    // Two listeners, one in the place of each end.
+    // One receiver for each end.
     let mut ends = [Node::new(Side::Emulator, fd), Node::new(Side::Client, fd)];
     let mut packets = Vec::new();
     for frame in frames {
@@ -144,7 +144,7 @@ pub fn packets(frames: &[Record<CanFrame>]) -> Vec<Record<Bytes>> {
             let packet = Bytes::copy_from_slice(packet);
             packets.push(Record::plain(frame.at, frame.direction, packet));
         }
-        // What a listener would answer, the end itself has.
+        // Discard protocol answers: the recorded end sent its own.
         while end.next_frame(us).is_some() {}
     }
     packets
@@ -160,7 +160,7 @@ mod tests {
     }
 
     #[test]
-    fn lines_are_candumps_and_read_back() {
+    fn lines_match_candump_and_read_back() {
         let classic = CanFrame::new(0x123, false, &[0xDE, 0xAD, 0xBE, 0xEF]).unwrap();
         let fd = CanFrame::new(0x220, true, &[7; 12]).unwrap();
         let extended = CanFrame {
@@ -191,7 +191,7 @@ mod tests {
             let read = read(Path::new("x"), &written).unwrap();
             assert_eq!(read, [record(frame, direction)]);
         }
-        // A direction that is stated is believed.
+        // A stated direction takes precedence over the identifier.
         let plain = "(1436509052.249713) vcan0 110#0102 T\n\n(1436509052.249714) vcan0 210#05 R\n";
         let read = read(Path::new("x"), plain).unwrap();
         assert_eq!(
@@ -201,7 +201,7 @@ mod tests {
     }
 
     #[test]
-    fn other_lines_are_refused_by_number() {
+    fn invalid_lines_are_refused_with_their_number() {
         for bad in [
             "hello",
             "(1.000000) can0",
@@ -218,7 +218,7 @@ mod tests {
             let text = format!("(1.000000) can0 123#00 R\n{bad}\n");
             let error = read(Path::new("x.log"), &text).unwrap_err().to_string();
             assert!(error.contains("x.log: line 2"), "{error}");
-            // Without its end it may be one that broke off.
+            // Without a line feed it may be incomplete.
             let broken = read(Path::new("x.log"), text.trim_end()).unwrap();
             assert_eq!(broken.len(), 1, "{bad:?}");
         }

@@ -1,6 +1,6 @@
-//! Two packets that should be one: the first thing in which they differ, in words.
+//! Describes the first difference between a recorded and a replayed packet.
 
-use super::place::{Place, sealed};
+use super::place::{Position, sealed};
 use skyloop_protocols::packet::{HEADER_LENGTH, identify};
 use skyloop_protocols::pixels::{OBJECTS_PER_PART, unpack};
 use skyloop_protocols::reply::Window;
@@ -10,8 +10,8 @@ use skyloop_protocols::{
 };
 use std::fmt::Debug;
 
-/// The name of a packet in messages.
-pub fn called(personality: &Personality, packet: &[u8]) -> String {
+/// Describes a packet in messages.
+pub fn describe(personality: &Personality, packet: &[u8]) -> String {
     let sealed = sealed(packet);
     let Ok((_, reply)) = (personality.decode_reply)(&sealed) else {
         return match identify(packet) {
@@ -24,8 +24,8 @@ pub fn called(personality: &Personality, packet: &[u8]) -> String {
     }
     let text = format!("{reply:?}");
     let name = text.split(['(', ' ']).next().unwrap_or_default();
-    match Place::of(&reply, packet) {
-        Some(Place { frame, number, .. }) => match number {
+    match Position::of(&reply, packet) {
+        Some(Position { frame, number, .. }) => match number {
             Some(number) => format!("{name} {number} of frame {frame}"),
             None => format!("the {name} of frame {frame}"),
         },
@@ -33,8 +33,8 @@ pub fn called(personality: &Personality, packet: &[u8]) -> String {
     }
 }
 
-/// The first relevant difference of a replayed packet from the recorded one. Counters and times of
-/// a Status do not count.
+/// Describes the first relevant difference of a replayed packet from the recorded one. Counters and
+/// times of a Status are not compared.
 pub fn first(
     personality: &Personality,
     width: u16,
@@ -46,12 +46,12 @@ pub fn first(
     }
     let (was, is) = (sealed(recorded), sealed(replayed));
     let decode = personality.decode_reply;
-    let words = match (decode(&was), decode(&is)) {
+    let text = match (decode(&was), decode(&is)) {
         (Ok((was_header, was)), Ok((is_header, is))) => match (was, is) {
             (Reply::PixelBlock(was), Reply::PixelBlock(is)) => pixel(width, &was, &is),
             (Reply::Windows(was), Reply::Windows(is)) => window(&was, &is),
             (Reply::Objects(was), Reply::Objects(is)) => object(&was, &is),
-            // What follows the pixel that differs is coded otherwise too: the byte tells where.
+            // The code of later pixels differs too, so only the byte is reported.
             (Reply::Compressed(was), Reply::Compressed(is)) if was.count == is.count => None,
             (Reply::Labels(was), Reply::Labels(is)) => text(was.text, is.text),
             (Reply::Status(was), Reply::Status(is)) => {
@@ -62,7 +62,7 @@ pub fn first(
                 line(&was, &is)
             }
             (Reply::Nack(was), Reply::Nack(is)) => {
-                // Each run's links have addresses of their own.
+                // Link addresses differ from run to run.
                 let [was_text, is_text] = [was, is].map(|nack| without_addresses(nack.detail));
                 let detail = &was_text;
                 let was = Nack { detail, ..was };
@@ -76,11 +76,11 @@ pub fn first(
             (was, is) if std::mem::discriminant(&was) == std::mem::discriminant(&is) => {
                 line(&was, &is)
             }
-            _ => Some(format!("{} comes", called(personality, replayed))),
+            _ => Some(format!("{} comes", describe(personality, replayed))),
         },
         _ => None,
     };
-    Some(words.unwrap_or_else(|| byte(recorded, replayed)))
+    Some(text.unwrap_or_else(|| byte(recorded, replayed)))
 }
 
 /// A Status without its counters and times.
@@ -98,7 +98,7 @@ fn settings(status: Status) -> Status {
     }
 }
 
-/// A text whose words that are links' addresses all read the same.
+/// Replaces link addresses in a text by a fixed word.
 fn without_addresses(text: &str) -> String {
     let words = text.split(' ');
     let words = words.map(|word| if word.contains("://") { "://" } else { word });
@@ -106,8 +106,8 @@ fn without_addresses(text: &str) -> String {
 }
 
 fn pixel(width: u16, was: &PixelBlock<'_>, is: &PixelBlock<'_>) -> Option<String> {
-    let place = |block: &PixelBlock<'_>| (block.first_pixel, block.count, block.packing);
-    if place(was) != place(is) {
+    let layout = |block: &PixelBlock<'_>| (block.first_pixel, block.count, block.packing);
+    if layout(was) != layout(is) {
         return None;
     }
     let (first, width) = (was.first_pixel as usize, usize::from(width.max(1)));
@@ -115,7 +115,7 @@ fn pixel(width: u16, was: &PixelBlock<'_>, is: &PixelBlock<'_>) -> Option<String
     first_pixel(was.packing, was.count.into(), [was.data, is.data], place)
 }
 
-/// The first pixel of the first window that differs; none if it is not a pixel.
+/// The first different pixel of the first different window; `None` if no pixel differs.
 fn window(was: &WindowBlock<'_>, is: &WindowBlock<'_>) -> Option<String> {
     if (was.packing, was.size) != (is.packing, is.size) {
         return line(was, is);
@@ -133,11 +133,11 @@ fn window(was: &WindowBlock<'_>, is: &WindowBlock<'_>) -> Option<String> {
     }
     let (column, row) = (usize::from(was.column), usize::from(was.row));
     let place = |at| [column + at % size, row + at / size];
-    let words = first_pixel(packing, size * size, [was.data, is.data], place)?;
-    Some(format!("window {number}, {words}"))
+    let text = first_pixel(packing, size * size, [was.data, is.data], place)?;
+    Some(format!("window {number}, {text}"))
 }
 
-/// The first of `count` packed pixels that differs; `place` gives the column and row of each.
+/// The first different pixel of `count` packed ones; `place` gives its column and row.
 fn first_pixel(
     packing: Packing,
     count: usize,
@@ -157,7 +157,7 @@ fn first_pixel(
     ))
 }
 
-/// The first field of the first object that differs.
+/// The first different field of the first different object.
 fn object(was: &ObjectPart<'_>, is: &ObjectPart<'_>) -> Option<String> {
     let first = usize::from(was.part) * OBJECTS_PER_PART;
     let mut pairs = (first..).zip(was.objects().zip(is.objects()));
@@ -165,7 +165,7 @@ fn object(was: &ObjectPart<'_>, is: &ObjectPart<'_>) -> Option<String> {
     Some(format!("object {number}: {}", line(&was, &is)?))
 }
 
-/// Texts around their first different byte.
+/// The texts around their first different byte.
 fn text(was: &[u8], is: &[u8]) -> Option<String> {
     let at = was.iter().zip(is).position(|(a, b)| a != b)?;
     let around = |text: &[u8]| {
@@ -179,7 +179,7 @@ fn text(was: &[u8], is: &[u8]) -> Option<String> {
     ))
 }
 
-/// The first field in which two messages differ.
+/// The first different field of two messages.
 fn line(was: &impl Debug, is: &impl Debug) -> Option<String> {
     let (was, is) = (format!("{was:#?}"), format!("{is:#?}"));
     let (was, is) = was.lines().zip(is.lines()).find(|(a, b)| a != b)?;
@@ -193,7 +193,6 @@ fn line(was: &impl Debug, is: &impl Debug) -> Option<String> {
     })
 }
 
-/// The first byte that differs.
 fn byte(was: &[u8], is: &[u8]) -> String {
     let Some(at) = was.iter().zip(is).position(|(a, b)| a != b) else {
         return format!(
@@ -213,21 +212,21 @@ mod tests {
     use skyloop_protocols::personality::NATIVE;
     use skyloop_protocols::{CompressedBlock, MAX_PACKET, ObjectRecord};
 
-    /// What is said of a packet of which bit 0 of an octet of its fields is another.
-    fn altered(reply: &Reply<'_>, byte: usize) -> String {
+    /// The reported difference if bit 0 of one byte of the fields was recorded inverted.
+    fn difference_at(reply: &Reply<'_>, byte: usize) -> String {
         let mut buffer = [0; MAX_PACKET];
         let length = (NATIVE.encode_reply)(reply, 7, WireTime(0), &mut buffer).unwrap();
         let replayed = &buffer[..length];
         assert_eq!(first(&NATIVE, 256, replayed, replayed), None);
         let mut recorded = replayed.to_vec();
         recorded[HEADER_LENGTH + byte] ^= 1;
-        let words = first(&NATIVE, 256, &recorded, replayed).unwrap();
-        format!("{}: {words}", called(&NATIVE, replayed))
+        let text = first(&NATIVE, 256, &recorded, replayed).unwrap();
+        format!("{}: {text}", describe(&NATIVE, replayed))
     }
 
     #[test]
-    fn the_place_in_a_window_an_object_and_a_code_is_named() {
-        // Two windows of 3 x 3 pixels of 16 bits: each has its place and 18 octets of pixels.
+    fn differences_in_windows_objects_and_codes_are_located() {
+        // Two windows of 3 x 3 pixels of 16 bits: each has its position and 18 bytes of pixels.
         let mut data = vec![0; 44];
         data[22..26].copy_from_slice(&[0, 100, 0, 50]);
         let windows = Reply::Windows(WindowBlock {
@@ -266,9 +265,9 @@ mod tests {
             count: 16,
             data: &[1, 2, 3],
         });
-        for (reply, byte, says) in [
+        for (reply, byte, expected) in [
             (
-                // Of the second window the fourth pixel: the first of its second row.
+                // Second window, fourth pixel: the first of its second row.
                 &windows,
                 WindowBlock::FIELDS_LENGTH + 26 + 7,
                 "Windows 0 of frame 4: window 1, pixel (column 100, row 51): recorded 1, replayed 0",
@@ -290,8 +289,8 @@ mod tests {
                 "Compressed 2 of frame 4: octet 29: recorded 0x00",
             ),
         ] {
-            let said = altered(reply, byte);
-            assert!(said.starts_with(says), "{said}");
+            let text = difference_at(reply, byte);
+            assert!(text.starts_with(expected), "{text}");
         }
     }
 }

@@ -1,5 +1,5 @@
-//! Recordings of a link's packets, as the emulator takes and sends them, with times. A thread
-//! writes the file, so that a slow disk does not delay the run; no packet is left out.
+//! Recordings of the packets that the emulator receives and sends, with times. A thread writes the
+//! file, so a slow disk does not delay the run. No packet is omitted.
 
 mod bus;
 pub mod candump;
@@ -33,26 +33,26 @@ use thiserror::Error;
 /// One packet, or CAN frame, of a recording.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Record<P> {
-    /// When it arrived or was handed to the link, since 1970.
+    /// Time of arrival or of queueing to the link, since 1970.
     pub at: Duration,
     /// Towards the emulator or from it.
     pub direction: Direction,
-    /// Which of the run's links, from 0.
+    /// Index of the link in the run.
     pub link: u32,
-    /// Which exchange it belongs to.
+    /// Number of its exchange.
     pub exchange: u32,
-    /// The emulator had polled in vain before it took this packet: what it did meanwhile may depend
-    /// on that.
+    /// Whether a poll found the queue empty before this packet: the emulator may have done other
+    /// work.
     pub first: bool,
-    /// Frames made before the emulator took this packet (in); none: not recorded, and no frame was
-    /// being made.
+    /// Frames rendered before the emulator took this packet (in). `None`: not recorded, and no
+    /// frame was being rendered.
     pub made: Option<u32>,
     /// The packet, or the frame.
     pub item: P,
 }
 
 impl<P> Record<P> {
-    /// A record of link 0 and exchange 0, which says nothing of frames and polls.
+    /// A record of link 0 and exchange 0, without data on frames and polls.
     fn plain(at: Duration, direction: Direction, item: P) -> Record<P> {
         Record {
             at,
@@ -66,18 +66,17 @@ impl<P> Record<P> {
     }
 }
 
-/// Mark of a recording of packets: pcapng's section header and program. Logs of CAN frames have
-/// none.
+/// Mark of a packet recording: section header and program name of pcapng. CAN logs have none.
 const MARK: Mark = &["\n\r\r\n", "skyloop "];
-/// Records that may wait to be written; then the run waits.
+/// Maximum number of records in the queue; beyond it the run waits.
 const QUEUE: usize = 4096;
-/// How often the file is brought up to date.
+/// Interval of flushes to the file.
 const FLUSH: Duration = Duration::from_secs(1);
 
-/// Why there is no recording, or not a whole one.
+/// Why a recording failed or is incomplete.
 #[derive(Debug, Error)]
 pub enum CaptureError {
-    /// The file cannot be made.
+    /// The file cannot be created.
     #[error("--capture {file}: {source}{}", remedy_of(source))]
     Create {
         /// As given.
@@ -87,14 +86,14 @@ pub enum CaptureError {
     },
     /// The file could not be written to its end.
     #[error(
-        "capture {file}: {source}: the recording is not whole, {lost} of its records are missing; make room and run again"
+        "capture {file}: {source}: the recording is incomplete, {lost} of its records are missing; make room and run again"
     )]
     Write {
         /// As given.
         file: String,
         /// What the system says.
         source: std::io::Error,
-        /// Records that came since.
+        /// Records that were not written.
         lost: u64,
     },
     /// The file cannot be read.
@@ -105,12 +104,12 @@ pub enum CaptureError {
         /// What the system says.
         source: std::io::Error,
     },
-    /// The file is no recording.
+    /// The file is not a recording.
     #[error("{file}: {reason}")]
     Format {
         /// As given.
         file: String,
-        /// Where, and what is wrong.
+        /// Position and problem.
         reason: String,
     },
 }
@@ -123,18 +122,18 @@ pub fn remedy_of(error: &std::io::Error) -> &'static str {
     }
 }
 
-/// A recording under way.
+/// A recording in progress.
 pub struct Capture {
     queue: SyncSender<Message>,
     thread: Option<JoinHandle<Result<u64, CaptureError>>>,
     clock: WallTime,
     file: OutputFile,
     name: String,
-    /// The links of a recording of packets; none of one of CAN frames.
+    /// The links of a packet recording; `None` for CAN frames.
     links: Option<Vec<String>>,
 }
 
-/// To the thread that writes.
+/// A message to the writing thread.
 enum Message {
     /// One record in the file's format.
     Record(Vec<u8>),
@@ -142,7 +141,7 @@ enum Message {
     End,
 }
 
-/// Tells the wall clock's time of instants; it does not jump when that clock is set.
+/// Converts instants to wall clock time. Does not jump when the wall clock is set.
 #[derive(Debug, Clone, Copy)]
 pub struct WallTime {
     zero: Instant,
@@ -150,7 +149,7 @@ pub struct WallTime {
 }
 
 impl WallTime {
-    /// From now on.
+    /// Reads the wall clock once, now.
     pub fn now() -> WallTime {
         WallTime {
             zero: Instant::now(),
@@ -170,8 +169,8 @@ impl WallTime {
 }
 
 impl Capture {
-    /// Opens `file` for a recording; [`Capture::begin`] changes it. `force`: even if skyloop did
-    /// not write it.
+    /// Opens `file` for a recording; [`Capture::begin`] changes it. `force` allows a file that
+    /// skyloop did not write.
     fn create(
         file: &Path,
         force: bool,
@@ -208,13 +207,13 @@ impl Capture {
         Capture::create(file, force, Some(links.to_vec()))
     }
 
-    /// Records CAN frames in `file` (candump's log format); they are given to the [`Recorder`].
+    /// Records CAN frames in `file` (candump log format); the [`Recorder`] receives them.
     pub fn frames(file: &Path, force: bool) -> Result<Capture, CaptureError> {
         Capture::create(file, force, None)
     }
 
-    /// Begins the recording and replaces the file. One of packets starts with `origin`, for which
-    /// candump's format has no place.
+    /// Begins the recording and replaces the file. A packet recording starts with `origin`; the
+    /// candump format has no field for it.
     pub fn begin(&mut self, origin: &Origin) -> Result<(), CaptureError> {
         let links = self.links.as_ref();
         let head = links.map(|links| pcapng::head(links, &origin.to_lines()));
@@ -225,7 +224,7 @@ impl Capture {
         })
     }
 
-    /// The way into the recording for a thread of its own.
+    /// A handle for another thread to add records.
     pub fn recorder(&self) -> Recorder {
         Recorder {
             queue: self.queue.clone(),
@@ -248,9 +247,9 @@ impl Capture {
         });
     }
 
-    /// Ends the recording; how many records it has.
+    /// Ends the recording; returns its number of records.
     pub fn finish(mut self) -> Result<u64, CaptureError> {
-        // A thread that has gone has left its reason.
+        // A thread that has ended returns its error below.
         let _ = self.queue.send(Message::End);
         let ended = self.thread.take().map(JoinHandle::join);
         let ended = ended.and_then(Result::ok).unwrap_or(Ok(0));
@@ -261,7 +260,7 @@ impl Capture {
     }
 }
 
-/// The way into a recording.
+/// Adds records to a recording.
 #[derive(Clone)]
 pub struct Recorder {
     queue: SyncSender<Message>,
@@ -276,15 +275,15 @@ impl Recorder {
     }
 
     fn send(&self, record: Vec<u8>) {
-        // The writer lives as long as the recording does.
+        // The writer runs until the recording ends.
         let _ = self.queue.send(Message::Record(record));
     }
 }
 
-/// Records what is taken from one link.
+/// Records the packets received over one link.
 struct Tap {
     link: u32,
-    /// Frames that the emulator has made.
+    /// Frames rendered so far.
     made: AtomicU32,
     recorder: Recorder,
 }
@@ -307,7 +306,7 @@ impl Observer for Tap {
     }
 }
 
-/// Hands on, and records what was taken.
+/// Forwards to an outbox and records the accepted packets.
 struct TappedOutbox {
     to: Box<dyn Outbox>,
     link: u32,
@@ -337,7 +336,7 @@ impl Outbox for TappedOutbox {
     }
 }
 
-/// Counts the bytes that have been written.
+/// Counts the written bytes.
 struct Counted<W> {
     to: W,
     bytes: u64,
@@ -355,10 +354,10 @@ impl<W: Write> Write for Counted<W> {
     }
 }
 
-/// Writes records until the end. After an error the rest are only counted: the run goes on.
+/// Writes records until the end. After an error the rest are only counted; the run continues.
 fn write(file: String, to: impl Write, records: &Receiver<Message>) -> Result<u64, CaptureError> {
     let mut to = BufWriter::with_capacity(1 << 16, Counted { to, bytes: 0 });
-    // Ends of the records of which not all bytes have been written, and the end of the last one.
+    // End offsets of the incompletely written records, and of the last record.
     let (mut ends, mut end) = (VecDeque::new(), 0);
     let (mut taken, mut failed) = (0, None);
     let mut flushed = Instant::now();
@@ -387,12 +386,12 @@ fn write(file: String, to: impl Write, records: &Receiver<Message>) -> Result<u6
         }
         if let Err(error) = done {
             tracing::warn!(
-                "the capture can no longer be written to {file} ({error}): the run goes on, and it ends here"
+                "cannot write the capture to {file} any more ({error}): the run continues without it"
             );
             failed = Some((error, taken - ends.len() as u64));
         }
         if is_over {
-            // What could not be written is not tried again.
+            // Without a retry of the unwritten bytes.
             let _ = to.into_parts();
             return match failed {
                 None => Ok(taken),
@@ -429,7 +428,7 @@ mod tests {
     }
 
     #[test]
-    fn a_full_disk_is_reported_at_the_end() {
+    fn full_disk_is_reported_at_the_end() {
         let (queue, records) = sync_channel(QUEUE);
         for _ in 0..10 {
             queue.send(Message::Record(vec![0; 100])).unwrap();
@@ -443,7 +442,7 @@ mod tests {
     }
 
     #[test]
-    fn a_clock_tells_times_before_and_after_it_was_read() {
+    fn wall_time_converts_instants_before_and_after_its_zero() {
         let clock = WallTime::now();
         let second = Duration::from_secs(1);
         let later = clock.of(clock.zero + second);

@@ -4,7 +4,7 @@ use skyloop_orbit::Input;
 use skyloop_orbit::path_text;
 use std::path::{Path, PathBuf};
 
-/// Files that a recording lists; of more only their number.
+/// Maximum number of listed input files; further ones are only counted.
 const LISTED: usize = 1000;
 const SETTING: &str = "setting ";
 const INPUT: &str = "input ";
@@ -13,19 +13,19 @@ const UNLISTED: &str = "further inputs, not listed: ";
 /// Settings and input files of a run.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Origin {
-    /// Names and values of what the command line can set, and the version of skyloop.
+    /// Names and values of the command-line settings, and the version of skyloop.
     pub settings: Vec<(String, String)>,
-    /// The files that were read.
+    /// The files read.
     pub inputs: Vec<Input>,
 }
 
 impl Origin {
-    /// As a recording has it, an item a line.
+    /// The lines of a recording, one per item.
     pub(super) fn to_lines(&self) -> Vec<String> {
         let settings = self.settings.iter();
         let settings = settings.map(|(name, value)| format!("{SETTING}{name} = {value}"));
         let inputs = self.inputs.iter().take(LISTED).map(|input| {
-            // As it is: a replay reads it back.
+            // Unescaped: a replay reads it back.
             let file = input.path.display();
             format!("{INPUT}{:08x} {} {file}", input.crc32, input.bytes)
         });
@@ -34,7 +34,7 @@ impl Origin {
         settings.chain(inputs).chain(more).collect()
     }
 
-    /// From the lines of a recording; `None` if it has none of them.
+    /// Parses the lines of a recording; `None` if they contain no item.
     pub(super) fn of_lines(lines: &[String]) -> Option<Origin> {
         let mut origin = Origin::default();
         for line in lines {
@@ -50,7 +50,7 @@ impl Origin {
         (origin != Origin::default()).then_some(origin)
     }
 
-    /// What differs in `now`, a line for each setting and file.
+    /// The differences of `now`, one line per setting and file.
     #[must_use]
     pub fn differences(&self, now: &Origin) -> Vec<String> {
         let mut lines = Vec::new();
@@ -65,11 +65,11 @@ impl Origin {
         let mut left: Vec<&Input> = now.inputs.iter().collect();
         for was in &self.inputs {
             let file = path_text(&was.path);
-            // The same path, else the same name in another folder.
-            let place = left.iter().position(|is| is.path == was.path);
-            let place =
-                place.or_else(|| left.iter().position(|is| name(&is.path) == name(&was.path)));
-            match place.map(|place| left.swap_remove(place)) {
+            // Matched by path, else by file name.
+            let index = left.iter().position(|is| is.path == was.path);
+            let index =
+                index.or_else(|| left.iter().position(|is| name(&is.path) == name(&was.path)));
+            match index.map(|index| left.swap_remove(index)) {
                 None => lines.push(format!("{file}: read for the recording, not now")),
                 Some(is) if (is.bytes, is.crc32) != (was.bytes, was.crc32) => lines.push(format!(
                     "{}: changed since the recording ({} bytes with CRC-32 {:08x}, then {} with {:08x})",
@@ -82,7 +82,7 @@ impl Origin {
                 Some(_) => {}
             }
         }
-        // A list that was cut names no more.
+        // In a truncated list, unlisted files look like new ones.
         if self.inputs.len() < LISTED {
             let more = left.iter().map(|is| path_text(&is.path));
             lines.extend(more.map(|file| format!("{file}: read now, not for the recording")));
@@ -95,7 +95,6 @@ fn name(path: &Path) -> Option<&std::ffi::OsStr> {
     path.file_name()
 }
 
-/// A file from its line.
 fn input(line: &str) -> Option<Input> {
     let (crc32, rest) = line.strip_prefix(INPUT)?.split_once(' ')?;
     let (bytes, path) = rest.split_once(' ')?;
@@ -126,7 +125,7 @@ mod tests {
     }
 
     #[test]
-    fn lines_read_back_and_others_are_no_origin() {
+    fn lines_read_back_and_other_lines_give_none() {
         let origin = origin(
             "frame",
             vec![input("a b/c = d.toml", 7), input("e", u32::MAX)],
@@ -134,7 +133,7 @@ mod tests {
         assert_eq!(
             Origin::of_lines(&origin.to_lines()),
             Some(origin),
-            "whatever a path holds"
+            "any characters in a path"
         );
         for lines in [vec![], vec!["first of a batch".to_string()]] {
             assert_eq!(Origin::of_lines(&lines), None);
@@ -142,7 +141,7 @@ mod tests {
     }
 
     #[test]
-    fn what_differs_is_named() {
+    fn differences_are_listed() {
         let was = origin("frame", vec![input("x/a.toml", 1), input("x/b.tle", 2)]);
         for (now, lines) in [
             (was.clone(), vec![]),

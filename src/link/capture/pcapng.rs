@@ -1,5 +1,5 @@
-//! Packets in the capture format of Wireshark: IETF draft-ietf-opsawg-pcapng, sections 4.1 to 4.3. The packets are
-//! "upper PDUs" (link type 252), which name the dissector that reads them: `ccsds`.
+//! Packets in the capture format of Wireshark: IETF draft-ietf-opsawg-pcapng, sections 4.1 to 4.3.
+//! They are "upper PDUs" (link type 252), which name their dissector: `ccsds`.
 
 use super::{CaptureError, Record};
 use bytes::Bytes;
@@ -11,11 +11,11 @@ use std::time::Duration;
 const SECTION: u32 = 0x0A0D_0D0A;
 const INTERFACE: u32 = 1;
 const PACKET: u32 = 6;
-/// The section header's order of octets, as written here.
+/// Byte-order magic of the section header.
 const MAGIC: u32 = 0x1A2B_3C4D;
 /// LINKTYPE_WIRESHARK_UPPER_PDU.
 const UPPER_PDU: u16 = 252;
-/// Tag "dissector name" (12) with `ccsds`, padded to four octets, and the end of the tags.
+/// Tag "dissector name" (12) with `ccsds`, padded to four bytes, and the end of the tags.
 const TAGS: [u8; 16] = *b"\0\x0c\0\x08ccsds\0\0\0\0\0\0\0";
 /// Option codes of blocks.
 const END: u16 = 0;
@@ -27,21 +27,21 @@ const QUEUE: u16 = 6;
 const PROGRAM: u16 = 4;
 /// Time is counted in units of ten to the minus this many seconds.
 const NANOSECONDS: u8 = 9;
-/// Comment at packets before which the emulator had looked in vain.
+/// Comment of packets preceded by a poll of the empty queue.
 const FIRST: &[u8] = b"first of a batch";
-/// Comment at packets that were taken after so many frames had been made.
+/// Comment with the number of frames rendered before a packet.
 const MADE: &str = "frames made before: ";
 /// Direction in the flags.
 const INBOUND: u32 = 1;
 const OUTBOUND: u32 = 2;
-/// Largest block that is read.
-const LARGEST: usize = 1 << 20;
+/// Maximum length of a block.
+const MAX_BLOCK: usize = 1 << 20;
 
-/// What a file starts with: the section with its comments, and an interface for each of the links.
+/// The start of a file: the section with its comments, and an interface per link.
 pub fn head(links: &[String], comments: &[String]) -> Vec<u8> {
     let mut section = Vec::new();
     section.extend(MAGIC.to_le_bytes());
-    // Version 1.0; the section's length is not known.
+    // Version 1.0; unknown length of the section.
     section.extend([1, 0, 0, 0]);
     section.extend((-1_i64).to_le_bytes());
     let program = concat!("skyloop ", env!("CARGO_PKG_VERSION"));
@@ -54,7 +54,7 @@ pub fn head(links: &[String], comments: &[String]) -> Vec<u8> {
     for link in links {
         let mut interface = Vec::new();
         interface.extend(UPPER_PDU.to_le_bytes());
-        // Reserved; packets are whole.
+        // Reserved; no limit of packet length.
         interface.extend([0; 6]);
         option(&mut interface, INTERFACE_NAME, link.as_bytes());
         option(&mut interface, RESOLUTION, &[NANOSECONDS]);
@@ -64,7 +64,7 @@ pub fn head(links: &[String], comments: &[String]) -> Vec<u8> {
     head
 }
 
-/// One packet as a block. Its exchange is the "queue" of the format.
+/// One packet as a block. The "queue" of the format holds its exchange.
 pub fn block(record: &Record<Bytes>) -> Vec<u8> {
     let ns = record.at.as_nanos() as u64;
     let length = (TAGS.len() + record.item.len()) as u32;
@@ -98,7 +98,7 @@ fn option(to: &mut Vec<u8>, code: u16, value: &[u8]) {
     pad(to);
 }
 
-/// Blocks and their parts are multiples of four octets.
+/// Blocks and their parts are multiples of four bytes.
 fn pad(to: &mut Vec<u8>) {
     to.resize(to.len().next_multiple_of(4), 0);
 }
@@ -113,28 +113,28 @@ fn framed(kind: u32, body: &[u8]) -> Vec<u8> {
     block
 }
 
-/// Whether these octets begin a file of this format.
+/// Whether `bytes` start like a file of this format.
 pub fn is_pcapng(bytes: &[u8]) -> bool {
     bytes.starts_with(&SECTION.to_le_bytes())
 }
 
-/// What a file holds.
+/// Contents of a file.
 #[derive(Debug, PartialEq)]
 pub struct Packets {
     /// Comments of the section.
     pub comments: Vec<String>,
-    /// Its links, by number.
+    /// The links, by index.
     pub links: Vec<String>,
-    /// Their packets.
+    /// The packets.
     pub records: Vec<Record<Bytes>>,
 }
 
-/// Reads a file that skyloop has written; other blocks are skipped. A cut last block (the run was
-/// killed) is left out, with a log message.
+/// Reads a file written by skyloop; other blocks are skipped. An incomplete last block (the run was
+/// killed) is skipped with a log message.
 pub fn read(file: &Path, bytes: &Bytes) -> Result<Packets, CaptureError> {
-    let wrong = |at: usize, what: &str| CaptureError::Format {
+    let wrong = |at: usize, problem: &str| CaptureError::Format {
         file: path_text(file),
-        reason: format!("byte {at}: {what}"),
+        reason: format!("byte {at}: {problem}"),
     };
     let (mut comments, mut links, mut records) = (Vec::new(), Vec::new(), Vec::new());
     let mut at = 0;
@@ -144,10 +144,10 @@ pub fn read(file: &Path, bytes: &Bytes) -> Result<Packets, CaptureError> {
             break;
         };
         let length = length as usize;
-        if !(12..=LARGEST).contains(&length) || !length.is_multiple_of(4) {
+        if !(12..=MAX_BLOCK).contains(&length) || !length.is_multiple_of(4) {
             return Err(wrong(
                 at,
-                "a block of an impossible length: the file is damaged",
+                "impossible length of a block: the file is damaged",
             ));
         }
         let Some(body) = block.get(8..length - 4) else {
@@ -187,7 +187,7 @@ pub fn read(file: &Path, bytes: &Bytes) -> Result<Packets, CaptureError> {
     }
     if at < bytes.len() {
         tracing::warn!(
-            "{}: the last {} bytes are cut off and left out",
+            "{}: the last {} bytes are an incomplete block and skipped",
             path_text(file),
             bytes.len() - at
         );
@@ -199,7 +199,7 @@ pub fn read(file: &Path, bytes: &Bytes) -> Result<Packets, CaptureError> {
     })
 }
 
-/// A packet's block without its frame, a part of `octets`.
+/// Parses the body of a packet block, a slice of `bytes`.
 fn packet(bytes: &Bytes, body: &[u8]) -> Option<Record<Bytes>> {
     let ns = u64::from(word(body, 4)?) << 32 | u64::from(word(body, 8)?);
     let length = word(body, 12)? as usize;
@@ -221,18 +221,17 @@ fn packet(bytes: &Bytes, body: &[u8]) -> Option<Record<Bytes>> {
     })
 }
 
-/// The number in a comment that tells how many frames had been made.
 fn frames_made(comment: &[u8]) -> Option<u32> {
     let comment = std::str::from_utf8(comment).ok()?;
     comment.strip_prefix(MADE)?.parse().ok()
 }
 
-/// The first value of option `code` among those that start at `at`.
+/// The first value of option `code` in the options from `at`.
 fn value(body: &[u8], at: usize, code: u16) -> Option<&[u8]> {
     values(body, at, code).next()
 }
 
-/// All values of option `code` among those that start at `at`.
+/// All values of option `code` in the options from `at`.
 fn values(body: &[u8], mut at: usize, code: u16) -> impl Iterator<Item = &[u8]> {
     let options = std::iter::from_fn(move || {
         let head = word(body, at)?;
@@ -245,8 +244,8 @@ fn values(body: &[u8], mut at: usize, code: u16) -> impl Iterator<Item = &[u8]> 
 }
 
 fn word(bytes: &[u8], at: usize) -> Option<u32> {
-    let octets = bytes.get(at..)?.first_chunk()?;
-    Some(u32::from_le_bytes(*octets))
+    let bytes = bytes.get(at..)?.first_chunk()?;
+    Some(u32::from_le_bytes(*bytes))
 }
 
 #[cfg(test)]
@@ -281,40 +280,40 @@ mod tests {
     }
 
     #[test]
-    fn what_is_written_reads_back() {
+    fn written_packets_read_back() {
         let file = file();
         let length = file.len();
         assert!(is_pcapng(&file) && file.len().is_multiple_of(4));
         let packets = read(Path::new("x"), &Bytes::from(file.clone())).unwrap();
         assert_eq!(packets.comments, ["one", "a longer one"]);
         assert_eq!((packets.links, packets.records), (links(), records()));
-        // Killed while it wrote: the last packet is left out.
+        // Killed while writing: the last packet is skipped.
         let cut = Bytes::from(file).slice(..length - 5);
         let cut = read(Path::new("x"), &cut).unwrap();
         assert_eq!(cut.records, records()[..8]);
     }
 
     #[test]
-    fn other_files_are_refused_and_nothing_panics() {
+    fn damaged_files_are_refused_without_a_panic() {
         let file = file();
         let section = file[4] as usize;
-        let said = |bytes: &[u8]| {
+        let refusal = |bytes: &[u8]| {
             let bytes = Bytes::copy_from_slice(bytes);
             read(Path::new("x.pcapng"), &bytes).unwrap_err().to_string()
         };
         let mut big_endian = file.clone();
         big_endian[8..12].reverse();
-        assert!(said(&big_endian).contains("byte 0: not the order"));
+        assert!(refusal(&big_endian).contains("byte 0: not the order"));
         let mut ethernet = file.clone();
         ethernet[section + 8] = 1;
         assert!(
-            said(&ethernet).contains("another kind"),
+            refusal(&ethernet).contains("another kind"),
             "{}",
-            said(&ethernet)
+            refusal(&ethernet)
         );
         let mut endless = file.clone();
         endless[section + 4..section + 8].fill(0);
-        assert!(said(&endless).contains("impossible length"));
+        assert!(refusal(&endless).contains("impossible length"));
         for at in 0..file.len() {
             for byte in [0, 0x7f, 0xff] {
                 let mut corrupted = file.clone();

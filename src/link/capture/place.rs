@@ -1,29 +1,29 @@
-//! Where a packet belongs among those of its frame.
+//! Position of a packet within its frame.
 
 use skyloop_protocols::packet::{HEADER_LENGTH, reseal};
 use skyloop_protocols::{Personality, Reply};
 
-/// Where a packet belongs: in order of frames, and of the packets of each.
+/// Position of a packet: ordered by frame, then within the frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub struct Place {
-    /// Its frame.
+pub struct Position {
+    /// Number of the frame.
     pub frame: u32,
-    /// Header, pixels, labels, end.
+    /// 0 header, 1 pixels, 2 labels, 3 end.
     part: u8,
-    /// Its number among the packets of a part that has several.
+    /// Index within a part of several packets.
     pub number: Option<u32>,
 }
 
-impl Place {
-    /// Behind all others.
-    pub const LAST: Place = Place {
+impl Position {
+    /// After all others.
+    pub const LAST: Position = Position {
         frame: u32::MAX,
         part: u8::MAX,
         number: None,
     };
 
-    /// The place of a packet of a frame, which says `reply`; none for an answer.
-    pub fn of(reply: &Reply<'_>, packet: &[u8]) -> Option<Place> {
+    /// The position of a frame packet that decodes to `reply`; `None` for an answer.
+    pub fn of(reply: &Reply<'_>, packet: &[u8]) -> Option<Position> {
         let (part, number) = match reply {
             Reply::FrameHeader(_) => (0, None),
             Reply::PixelBlock(block) => (1, Some(block.index)),
@@ -34,9 +34,9 @@ impl Place {
             Reply::FrameEnd(_) => (3, None),
             Reply::Status(_) | Reply::Ack(_) | Reply::Nack(_) | Reply::Challenge(_) => return None,
         };
-        // The first field of all packets of frames.
+        // All frame packets start with the frame number.
         let frame = packet.get(HEADER_LENGTH..)?.first_chunk()?;
-        Some(Place {
+        Some(Position {
             frame: u32::from_be_bytes(*frame),
             part,
             number,
@@ -44,14 +44,14 @@ impl Place {
     }
 }
 
-/// Where a packet belongs in its frame; none for an answer.
-pub fn place_of(personality: &Personality, packet: &[u8]) -> Option<Place> {
+/// The position of a packet in its frame; `None` for an answer.
+pub fn position_of(personality: &Personality, packet: &[u8]) -> Option<Position> {
     let sealed = sealed(packet);
     let (_, reply) = (personality.decode_reply)(&sealed).ok()?;
-    Place::of(&reply, packet)
+    Position::of(&reply, packet)
 }
 
-/// The packet with a matching CRC: a recording may have been edited by hand.
+/// The packet with a corrected CRC: a recording may have been edited by hand.
 pub fn sealed(packet: &[u8]) -> Vec<u8> {
     let mut packet = packet.to_vec();
     reseal(&mut packet);

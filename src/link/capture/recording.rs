@@ -1,10 +1,10 @@
-//! A recording, read from its file for a replay.
+//! Reads a recording for a replay.
 //!
-//! On a bus, recorded frames had been queued before. Repeated packets stand where they were
-//! repeated, packets of a frame that a Reset ends follow the Reset, and lost ones are missing. So
-//! such a recording is sorted first.
+//! A CAN bus is recorded behind the queue. So repeated packets stand where they were repeated,
+//! packets of a frame ended by a Reset follow the Reset, and lost packets are missing. Such a
+//! recording is sorted first.
 
-use super::place::{Place, place_of};
+use super::place::{Position, position_of};
 use super::{CaptureError, Origin, Record, candump, pcapng};
 use bytes::Bytes;
 use skyloop_firmware_sim::address::Address;
@@ -18,30 +18,30 @@ use std::path::Path;
 /// A recording.
 #[derive(Debug, Default)]
 pub struct Recording {
-    /// What the recorded run was made from, where the recording says so.
+    /// Settings and inputs of the recorded run, where recorded.
     pub origin: Option<Origin>,
     /// The links of the run.
     pub links: Vec<Roles>,
-    /// Their packets.
+    /// The packets.
     pub events: Vec<Record<Bytes>>,
-    /// Whether it was made on the bus: packets were queued, and short ones overtook long ones. Then
-    /// only frames are compared, without their sequence counts.
+    /// Whether it was recorded on a CAN bus, where short packets overtake long ones. Then only
+    /// frame packets are compared, without their sequence counts.
     pub on_the_bus: bool,
-    /// Packets that came again, on the client's request, otherwise than the first time.
-    pub(super) altered: BTreeMap<Place, Vec<Bytes>>,
-    /// Frames of which packets are missing in it, on the bus: the others are compared.
+    /// Packets resent on request with other contents than the first time.
+    pub(super) altered: BTreeMap<Position, Vec<Bytes>>,
+    /// Incomplete frames on the bus: the recorded packets are compared.
     pub torn: usize,
-    /// Frames that are not compared: packets of them are there twice without a request.
+    /// Frames not compared: some packets were recorded twice without a request.
     pub doubled: usize,
 }
 
-/// Reads a recording, whichever format it has.
+/// Reads a recording in either format.
 pub fn load(file: &Path, personality: &Personality) -> Result<Recording, CaptureError> {
     let no_recording = || CaptureError::Format {
         file: path_text(file),
-        reason: "neither pcapng nor a log of candump: record one with --capture".to_string(),
+        reason: "neither pcapng nor a candump log: record one with --capture".to_string(),
     };
-    // Before the rest is read.
+    // Checked before the rest is read.
     let check = |head: &[u8]| {
         let is_known = pcapng::is_pcapng(head) || is_candump(head);
         is_known.then_some(()).ok_or(ErrorKind::InvalidData.into())
@@ -57,12 +57,12 @@ pub fn load(file: &Path, personality: &Personality) -> Result<Recording, Capture
     if !pcapng::is_pcapng(&bytes) {
         let text = String::from_utf8(bytes).map_err(|_| no_recording())?;
         let packets = candump::packets(&candump::read(file, &text)?);
-        return Ok(sorted_out(personality, packets));
+        return Ok(sort_bus_recording(personality, packets));
     }
     let found = pcapng::read(file, &Bytes::from(bytes))?;
     let roles = |link: &String| {
         let address = Address::parse(link);
-        // A loopback has no target, and all roles.
+        // The address of a loopback has no target; it has all roles.
         address.map_or(Ok(Roles::ALL), |address| address.roles())
     };
     let roles = |link| roles(link).unwrap_or(Roles::ALL);
@@ -79,24 +79,24 @@ fn is_candump(head: &[u8]) -> bool {
     head.trim_ascii_start().starts_with(b"(")
 }
 
-/// What a recording has of one frame.
+/// Recorded packets of one frame.
 #[derive(Default)]
 struct Found {
-    /// Packets that it should have.
+    /// Expected number of packets.
     due: Option<u32>,
-    /// Where each of its packets stands first.
-    places: BTreeMap<Place, usize>,
-    /// Whether packets are there twice.
+    /// Index of the first record of each packet.
+    positions: BTreeMap<Position, usize>,
+    /// Whether a packet was recorded twice.
     twice: bool,
 }
 
-/// The comparable part of a recording made on a bus: received packets, and each packet of a frame
-/// once, no later than it was first sent.
-fn sorted_out(personality: &Personality, events: Vec<Record<Bytes>>) -> Recording {
+/// The comparable part of a bus recording: received packets, and each frame packet once, at the
+/// time it was first sent.
+fn sort_bus_recording(personality: &Personality, events: Vec<Record<Bytes>>) -> Recording {
     let mut frames: BTreeMap<u32, Found> = BTreeMap::new();
     let mut requested = BTreeSet::new();
     let mut resets = Vec::new();
-    let mut altered: BTreeMap<Place, Vec<Bytes>> = BTreeMap::new();
+    let mut altered: BTreeMap<Position, Vec<Bytes>> = BTreeMap::new();
     for (at, event) in events.iter().enumerate() {
         if event.direction == Direction::In {
             match (personality.decode_command)(&event.item) {
@@ -108,75 +108,78 @@ fn sorted_out(personality: &Personality, events: Vec<Record<Bytes>>) -> Recordin
             }
             continue;
         }
-        let Some(place) = place_of(personality, &event.item) else {
+        let Some(position) = position_of(personality, &event.item) else {
             continue;
         };
-        let found = frames.entry(place.frame).or_default();
+        let found = frames.entry(position.frame).or_default();
         if let Ok((_, Reply::FrameHeader(header))) = (personality.decode_reply)(&event.item) {
             found.due = Some(header.packets());
         }
-        let before = *found.places.entry(place).or_insert(at);
+        let before = *found.positions.entry(position).or_insert(at);
         found.twice |= before != at;
         if events[before].item != event.item {
-            altered.entry(place).or_default().push(event.item.clone());
+            altered
+                .entry(position)
+                .or_default()
+                .push(event.item.clone());
         }
     }
     let all = frames.len();
     frames.retain(|frame, found| !found.twice || requested.contains(frame));
-    altered.retain(|place, _| frames.contains_key(&place.frame));
-    let whole = |found: &&Found| found.due == u32::try_from(found.places.len()).ok();
-    let moments = moments(&events, &frames, &resets);
-    let kept = events.into_iter().zip(moments);
-    let mut kept: Vec<_> = kept
-        .filter_map(|(event, moment)| Some((moment?, event)))
+    altered.retain(|position, _| frames.contains_key(&position.frame));
+    let whole = |found: &&Found| found.due == u32::try_from(found.positions.len()).ok();
+    let sort_keys = sort_keys(&events, &frames, &resets);
+    let sorted = events.into_iter().zip(sort_keys);
+    let mut sorted: Vec<_> = sorted
+        .filter_map(|(event, key)| Some((key?, event)))
         .collect();
-    kept.sort_by_key(|(moment, _)| *moment);
+    sorted.sort_by_key(|(key, _)| *key);
     Recording {
         origin: None,
         links: vec![Roles::ALL],
         on_the_bus: true,
-        events: kept.into_iter().map(|(_, event)| event).collect(),
+        events: sorted.into_iter().map(|(_, event)| event).collect(),
         altered,
         torn: frames.len() - frames.values().filter(whole).count(),
         doubled: all - frames.len(),
     }
 }
 
-/// When an event happened: after which recorded event, and its place among several such.
-type Moment = (usize, Place);
+/// Sort key of an event: index of the preceding record, then the position in the frame.
+type SortKey = (usize, Position);
 
-/// When the emulator took or sent each event; none of those that are not compared.
-fn moments(
+/// When the emulator took or sent each event; `None` for events that are not compared.
+fn sort_keys(
     events: &[Record<Bytes>],
     frames: &BTreeMap<u32, Found>,
     resets: &[usize],
-) -> Vec<Option<Moment>> {
-    let mut moments = vec![None; events.len()];
+) -> Vec<Option<SortKey>> {
+    let mut sort_keys = vec![None; events.len()];
     for found in frames.values() {
-        // Packets are sent in order: one after a later one was lost, and sent again.
+        // Packets are sent in order: one recorded after a later one was lost and resent.
         let mut next = usize::MAX;
-        for (place, at) in found.places.iter().rev() {
+        for (position, at) in found.positions.iter().rev() {
             next = next.min(*at);
-            moments[*at] = Some((next, *place));
+            sort_keys[*at] = Some((next, *position));
         }
     }
-    // A Reset ends the current frame, whose packets were sent before. Received packets keep their
-    // order.
+    // A Reset ends the current frame: its packets were sent before. The order of received packets
+    // is unchanged.
     let mut earliest = 0;
     let received = |at: &usize| events[*at].direction == Direction::In;
     for at in (0..events.len()).filter(received) {
         if resets.contains(&at) {
             let begun = frames.values().filter_map(|found| {
-                let first = found.places.values().min()?;
-                (*first < at).then_some(found.places.values().max()?)
+                let first = found.positions.values().min()?;
+                (*first < at).then_some(found.positions.values().max()?)
             });
             earliest = begun.copied().max().unwrap_or(0).max(earliest);
         }
-        // After all packets of that moment.
+        // After all packets with that key.
         earliest = earliest.max(at);
-        moments[at] = Some((earliest, Place::LAST));
+        sort_keys[at] = Some((earliest, Position::LAST));
     }
-    moments
+    sort_keys
 }
 
 #[cfg(test)]
@@ -255,11 +258,11 @@ mod tests {
     }
 
     #[test]
-    fn what_is_compared_stands_where_it_was_sent_first() {
+    fn compared_packets_are_sorted_by_first_transmission() {
         let [ping, reset] = [Command::Ping, Command::Reset].map(|one| command(&one));
         for (case, events, order, torn, doubled) in [
             (
-                "without its header; a part twice that nobody requested; whole",
+                "frame 1 without header, frame 2 with an unrequested double, frame 3 complete",
                 vec![
                     part(1, 0, 1, b'a'),
                     header(2, 1),
@@ -274,7 +277,7 @@ mod tests {
                 1,
             ),
             (
-                "what follows a Reset was sent before it",
+                "packets after a Reset were sent before it",
                 vec![
                     header(1, 3),
                     reset,
@@ -291,7 +294,7 @@ mod tests {
                 0,
             ),
             (
-                "the log lacks part 1, both come again, and the next frame has begun",
+                "part 1 is missing, both parts are resent, after the start of the next frame",
                 vec![
                     header(1, 3),
                     part(1, 0, 3, b'a'),
@@ -308,16 +311,16 @@ mod tests {
                 0,
             ),
         ] {
-            let found = sorted_out(&NATIVE, events.clone());
+            let found = sort_bus_recording(&NATIVE, events.clone());
             let order: Vec<_> = order.iter().map(|at: &usize| events[*at].clone()).collect();
             assert_eq!(found.events, order, "{case}");
             assert_eq!((found.torn, found.doubled), (torn, doubled), "{case}");
             assert!(found.altered.is_empty(), "{case}");
         }
-        // What came again otherwise is kept.
+        // A resent packet with other contents is stored.
         let other = part(1, 0, 1, b'b');
         let events = vec![header(1, 1), part(1, 0, 1, b'a'), resend(1), other.clone()];
-        let found = sorted_out(&NATIVE, events.clone());
+        let found = sort_bus_recording(&NATIVE, events.clone());
         assert_eq!(found.events, events[..3]);
         let altered: Vec<_> = found.altered.into_values().collect();
         assert_eq!(altered, [vec![other.item]]);

@@ -1,17 +1,16 @@
-//! Links that play a recording: received packets come again in their order, and sent packets are
+//! Links that play a recording: received packets are repeated in order, and sent packets are
 //! compared with the recorded ones.
 //!
-//! The run of the emulator depends only on the order of packets: each one is held back until the
-//! emulator has sent what was recorded before it, and sending waits for what it took before. No
-//! clock is used.
+//! The emulator's behaviour depends only on the order of packets. Each received packet is held back
+//! until the emulator has sent all that was recorded before it, and the reverse. No clock is used.
 
 use super::Record;
-use super::difference::{called, first};
-use super::place::{Place, place_of, sealed};
+use super::difference::{describe, first};
+use super::place::{Position, position_of, sealed};
 pub use super::recording::{Recording, load};
 use super::silence::Silence;
 use crate::error::LinkError;
-use crate::inbox::{Inbound, Intake, Observer, inbox};
+use crate::inbox::{Inbound, InboxSender, Observer, inbox};
 use crate::lock::lock;
 use crate::outbox::{FAULT_REFUSED, Outbound, Outbox};
 use crate::tally::Tally;
@@ -27,83 +26,81 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
-/// A frame that came again as it was recorded.
+/// A frame that was reproduced as recorded.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Same {
-    /// Its number.
+    /// Frame number.
     pub frame: u32,
-    /// Over which link it went.
+    /// Index of its link.
     pub link: usize,
-    /// That of its attitude.
+    /// Sequence number of its attitude.
     pub attitude: u32,
-    /// Its packets.
+    /// Number of its packets.
     pub packets: u32,
-    /// CRC-32 of the payloads of its packets, in order: header fields, digits, labels.
+    /// CRC-32 of the payloads of its packets, in order: header fields, pixels, labels.
     pub crc32: u32,
-    /// Whether the recording has all of its packets.
+    /// Whether the recording has all its packets.
     pub whole: bool,
 }
 
-/// How far a replay has come.
+/// Progress of a replay.
 #[derive(Debug, Default)]
 pub struct Progress {
-    /// Frames, the last one perhaps still under way.
+    /// Frames; the last one may be incomplete.
     pub frames: Vec<Same>,
-    /// Packets sent and equal to the recorded ones.
+    /// Sent packets that equal the recorded ones.
     pub packets: u32,
     /// The first difference.
     pub difference: Option<String>,
 }
 
-/// What the two ends of the link share.
 struct State {
     events: Vec<Record<Bytes>>,
     on_the_bus: bool,
-    /// The next event.
+    /// Index of the next event.
     at: usize,
-    /// Whether the next event is a packet that waits in the inbox.
+    /// Whether the next event is already in the inbox.
     fed: bool,
-    /// Frames that the emulator has made, and whether it makes another.
+    /// Number of rendered frames, and whether another is being rendered.
     made: u32,
     making: bool,
     ends: Vec<End>,
     progress: Progress,
-    /// Packets of frames that were recorded on the bus, and have not been sent yet.
-    ahead: BTreeSet<Place>,
-    /// Packets of frames that have been sent, as they were recorded (on the bus).
-    sent: BTreeMap<Place, Bytes>,
-    /// Packets that were recorded a second time, otherwise.
-    altered: BTreeMap<Place, Vec<Bytes>>,
+    /// Frame packets recorded on the bus and not yet sent.
+    ahead: BTreeSet<Position>,
+    /// Frame packets already sent, as recorded (on the bus).
+    sent: BTreeMap<Position, Bytes>,
+    /// Packets that were recorded again with other contents.
+    altered: BTreeMap<Position, Vec<Bytes>>,
     silence: Silence,
     personality: &'static Personality,
 }
 
 /// One link.
 struct End {
-    /// Where what was received comes in again; none once the replay is over.
-    intake: Option<Intake>,
-    /// Whether the emulator has looked for a packet in vain since the last.
-    looked: bool,
-    /// The packet that it took last: APID and sequence count.
+    /// Input of the received packets; `None` once the replay is over.
+    input: Option<InboxSender>,
+    /// Whether the emulator has polled the empty queue since the last packet.
+    has_polled: bool,
+    /// APID and sequence count of the packet taken last.
     taken: Option<(u16, u16)>,
-    /// Packets that the recording still has of each frame.
+    /// Remaining recorded packets of each frame.
     left: BTreeMap<u32, u32>,
-    /// The current frame: its place in the progress, its columns, its packets, the CRC of their
-    /// payloads.
+    /// The current frame: index in the progress, columns, number of packets, CRC of the payloads.
     frame: usize,
     width: u16,
     due: u32,
     crc: Crc32,
 }
 
-/// A replay under way.
+/// A replay in progress.
 #[derive(Clone)]
 pub struct Replay {
     state: Arc<Mutex<State>>,
     over: Arc<AtomicBool>,
 }
 
-/// A replay as one of the links sees it.
+/// One link of a replay.
 #[derive(Clone)]
 struct Played {
     replay: Replay,
@@ -111,7 +108,7 @@ struct Played {
 }
 
 impl Replay {
-    /// The links that play `recording`.
+    /// Links that play `recording`.
     pub fn of(
         recording: Recording,
         personality: &'static Personality,
@@ -127,22 +124,22 @@ impl Replay {
         let mut ahead = BTreeSet::new();
         let sent = |event: &&Record<Bytes>| event.direction == Direction::Out;
         for event in events.iter().filter(sent) {
-            let Some(place) = place_of(personality, &event.item) else {
+            let Some(position) = position_of(personality, &event.item) else {
                 continue;
             };
             if let Some(left) = left.get_mut(event.link as usize) {
-                *left.entry(place.frame).or_default() += 1;
+                *left.entry(position.frame).or_default() += 1;
             }
-            ahead.insert(place);
+            ahead.insert(position);
         }
-        let (mut ends, mut inboxes) = (Vec::new(), Vec::new());
+        let (mut ends, mut outputs) = (Vec::new(), Vec::new());
         for left in left {
             let tally = Arc::new(Tally::default());
-            let (intake, inbox) = inbox(tally.clone());
-            inboxes.push((inbox, tally));
+            let (input, output) = inbox(tally.clone());
+            outputs.push((output, tally));
             ends.push(End {
-                intake: Some(intake),
-                looked: true,
+                input: Some(input),
+                has_polled: true,
                 taken: None,
                 left,
                 frame: 0,
@@ -170,40 +167,40 @@ impl Replay {
             over: Arc::new(AtomicBool::new(false)),
         };
         replay.feed(&mut lock(&replay.state));
-        let wires = inboxes.into_iter().zip(links).enumerate();
-        let wires = wires.map(|(link, ((mut inbox, tally), roles))| {
+        let wires = outputs.into_iter().zip(links).enumerate();
+        let wires = wires.map(|(link, ((mut output, tally), roles))| {
             let played = Played {
                 replay: replay.clone(),
                 link,
             };
-            inbox.observe(Box::new(played.clone()));
+            output.observe(Box::new(played.clone()));
             let address = format!("recording://{link}");
-            (Wire::new(address, inbox, played, tally), roles)
+            (Wire::new(address, output, played, tally), roles)
         });
         (wires.collect(), replay)
     }
 
-    /// Set when everything has been played, or a difference was found.
+    /// Set at the end of the recording or at a difference.
     pub fn over(&self) -> &AtomicBool {
         &self.over
     }
 
-    /// How long the emulator has had nothing to do, and nothing has been taken or sent.
+    /// How long the emulator has been idle without a packet taken or sent.
     pub fn idle(&self) -> Duration {
         lock(&self.state).silence.idle()
     }
 
-    /// How long nothing has been taken or sent, whatever the emulator does.
+    /// Time since the last packet taken or sent, idle or not.
     pub fn still(&self) -> Duration {
-        lock(&self.state).silence.lasts(Instant::now())
+        lock(&self.state).silence.duration(Instant::now())
     }
 
-    /// Ends a replay that stands still: what should have come next is the difference.
+    /// Ends a stalled replay: the missing next packet is the difference.
     pub fn give_up(&self) {
         let mut state = lock(&self.state);
         if state.progress.difference.is_none() {
             let missing = match state.events.get(state.at) {
-                Some(event) => called(state.personality, &event.item),
+                Some(event) => describe(state.personality, &event.item),
                 None => "the end".to_string(),
             };
             state.progress.difference = Some(format!("{missing} was recorded, and nothing comes"));
@@ -211,13 +208,13 @@ impl Replay {
         self.end(&mut state);
     }
 
-    /// What came of it.
+    /// Takes the progress.
     pub fn progress(&self) -> Progress {
         std::mem::take(&mut lock(&self.state).progress)
     }
 
-    /// Queues the next event if it was received. One that came after a poll in vain waits for such
-    /// a poll; one that came after more frames, for those.
+    /// Queues the next event if it was received. A packet that followed an empty poll waits for an
+    /// empty poll; one that followed more frames waits for those frames.
     fn feed(&self, state: &mut State) {
         let Some(event) = state.events.get(state.at) else {
             self.end(state);
@@ -226,7 +223,7 @@ impl Replay {
         let Some(end) = state.ends.get(event.link as usize) else {
             return;
         };
-        if event.direction == Direction::Out || state.fed || (event.first && !end.looked) {
+        if event.direction == Direction::Out || state.fed || (event.first && !end.has_polled) {
             return;
         }
         let is_early = match event.made {
@@ -241,9 +238,9 @@ impl Replay {
             packet: event.item.clone(),
             arrived: Instant::now(),
         };
-        if let Some(intake) = &end.intake {
-            // The emulator that has gone needs no packet.
-            let _ = intake.push(inbound);
+        if let Some(input) = &end.input {
+            // A closed emulator needs no packet.
+            let _ = input.push(inbound);
         }
         state.fed = true;
     }
@@ -251,19 +248,19 @@ impl Replay {
     fn advance(&self, state: &mut State) {
         state.at += 1;
         state.fed = false;
-        state.silence.broken(Instant::now());
+        state.silence.restart(Instant::now());
         self.feed(state);
     }
 
-    /// Whether a packet is the recorded one; else that is the difference, and the end.
+    /// Whether a packet equals the recorded one. A difference ends the replay.
     fn compare(&self, state: &mut State, link: usize, recorded: &[u8], packet: &[u8]) -> bool {
-        let counted = state.on_the_bus.then(|| counted_as(packet, recorded));
+        let counted = state.on_the_bus.then(|| with_count_of(packet, recorded));
         let packet = counted.as_deref().unwrap_or(packet);
         let width = state.ends[link].width;
         let Some(words) = first(state.personality, width, recorded, packet) else {
             return true;
         };
-        let name = called(state.personality, recorded);
+        let name = describe(state.personality, recorded);
         state.progress.difference = Some(format!("{name}: {words}"));
         self.end(state);
         false
@@ -271,7 +268,7 @@ impl Replay {
 
     fn end(&self, state: &mut State) {
         for end in &mut state.ends {
-            end.intake = None;
+            end.input = None;
         }
         self.over.store(true, Ordering::Relaxed);
     }
@@ -280,24 +277,24 @@ impl Replay {
 impl Observer for Played {
     fn taken(&self, inbound: &Inbound, _: bool) {
         let mut state = lock(&self.replay.state);
-        state.ends[self.link].looked = false;
+        state.ends[self.link].has_polled = false;
         state.ends[self.link].taken = identify(&inbound.packet);
         self.replay.advance(&mut state);
     }
 
     fn empty(&self) {
         let mut state = lock(&self.replay.state);
-        state.ends[self.link].looked = true;
-        state.silence.looked(Instant::now());
+        state.ends[self.link].has_polled = true;
+        state.silence.polled(Instant::now());
         if state.making {
-            // It has work, though not for this thread.
-            state.silence.excused();
+            // Another thread of the emulator is rendering.
+            state.silence.clear_idle();
         }
         self.replay.feed(&mut state);
     }
 
     fn making(&self, is: bool) {
-        // All links tell it, one after another.
+        // Every link reports it: count it once.
         if self.link > 0 {
             return;
         }
@@ -326,16 +323,16 @@ impl Outbox for Played {
         if state.progress.difference.is_some() {
             return Ok(None);
         }
-        let place = place_of(state.personality, packet);
-        let frame = place.map(|place| place.frame);
+        let position = position_of(state.personality, packet);
+        let frame = position.map(|position| position.frame);
         let left = frame.and_then(|frame| state.ends[link].left.get(&frame).copied());
-        if state.on_the_bus && place.is_none() {
-            // Short answers overtake there.
+        if state.on_the_bus && position.is_none() {
+            // Short answers overtake on the bus.
             return Ok(None);
         }
-        let before = place.and_then(|place| state.sent.get(&place).cloned());
+        let before = position.and_then(|position| state.sent.get(&position).cloned());
         if let Some(recorded) = before {
-            // Sent again, on the client's request: on the bus that may have stood anywhere.
+            // Resent on request: on the bus it may have been recorded anywhere.
             replay.compare(&mut state, link, &recorded, packet);
             return Ok(None);
         }
@@ -343,34 +340,34 @@ impl Outbox for Played {
             return Ok(None);
         };
         if event.direction == Direction::In || event.link as usize != link {
-            // The recorded emulator took a packet first, or sent over another link.
+            // The recorded emulator first took a packet or sent over another link.
             return Ok(Some(what));
         }
         if frame.is_some() && left.unwrap_or(0) == 0 {
-            // The recorded emulator gave this frame up here, and so will this one.
-            state.silence.excused();
+            // The recorded emulator dropped this frame here, so this one will too.
+            state.silence.clear_idle();
             return Ok(Some(what));
         }
-        if place.is_some_and(|place| state.on_the_bus && !state.ahead.contains(&place)) {
-            // The recording on the bus lacks this packet, though it has others of its frame.
+        if position.is_some_and(|position| state.on_the_bus && !state.ahead.contains(&position)) {
+            // The bus recording lacks this packet, but has others of its frame.
             return Ok(None);
         }
-        let altered = place.and_then(|place| state.altered.get(&place).cloned());
+        let altered = position.and_then(|position| state.altered.get(&position).cloned());
         let mut versions = [event.item].into_iter().chain(altered.unwrap_or_default());
         if !versions.all(|recorded| replay.compare(&mut state, link, &recorded, packet)) {
             return Ok(None);
         }
-        if let (true, Some(place)) = (state.on_the_bus, place) {
+        if let (true, Some(position)) = (state.on_the_bus, position) {
             let recorded = state.events[state.at].item.clone();
-            state.ahead.remove(&place);
-            state.sent.insert(place, recorded);
+            state.ahead.remove(&position);
+            state.sent.insert(position, recorded);
         }
-        state.book(link, packet, frame);
+        state.record(link, packet, frame);
         replay.advance(&mut state);
         Ok(None)
     }
 
-    /// As the recorded run answered: the recording does not say whether there were faults.
+    /// Answers as recorded: the recording does not state whether faults were possible.
     fn injects(&self, _: FaultKind) -> Result<(), Cow<'static, str>> {
         let state = lock(&self.replay.state);
         match state.refusal(self.link) {
@@ -384,13 +381,13 @@ impl Outbox for Played {
 }
 
 impl State {
-    /// Why the recorded emulator refused the last packet of this link; none if it did not.
+    /// Why the recorded emulator refused the last packet of this link; `None` if it did not.
     fn refusal(&self, link: usize) -> Option<String> {
         let taken = self.ends[link].taken?;
         let own = |e: &&Record<Bytes>| e.direction == Direction::Out && e.link as usize == link;
         let mut answers = self.events.get(self.at..)?.iter().filter(own);
         answers.find_map(|event| {
-            // The first answer to it: sequence counts come again.
+            // The first answer counts: sequence counts wrap.
             match (self.personality.decode_reply)(&event.item).ok()?.1 {
                 Reply::Ack(ack) if (ack.apid, ack.sequence_count) == taken => Some(None),
                 Reply::Nack(nack) if (nack.apid, nack.sequence_count) == taken => {
@@ -401,8 +398,8 @@ impl State {
         })?
     }
 
-    /// Books a packet that came as recorded.
-    fn book(&mut self, link: usize, packet: &[u8], frame: Option<u32>) {
+    /// Records a packet that equals the recorded one.
+    fn record(&mut self, link: usize, packet: &[u8], frame: Option<u32>) {
         self.progress.packets += 1;
         let Some(frame) = frame else { return };
         let end = &mut self.ends[link];
@@ -410,7 +407,7 @@ impl State {
             *left -= 1;
         }
         if let Ok((_, Reply::FrameHeader(header))) = (self.personality.decode_reply)(packet) {
-            // Else it is sent again, on the client's request.
+            // A known header is resent on request.
             let known = |same: &Same| (same.frame, same.link) == (frame, link);
             if !self.progress.frames.iter().any(known) {
                 (end.width, end.due, end.crc) = (header.width, header.packets(), Crc32::new());
@@ -441,7 +438,7 @@ impl State {
 }
 
 /// The packet with the sequence count of another.
-fn counted_as(packet: &[u8], other: &[u8]) -> Vec<u8> {
+fn with_count_of(packet: &[u8], other: &[u8]) -> Vec<u8> {
     const COUNT: std::ops::Range<usize> = 2..4;
     let mut packet = packet.to_vec();
     if let (Some(to), Some(from)) = (packet.get_mut(COUNT), other.get(COUNT)) {

@@ -1,8 +1,8 @@
-//! The book of what was injected: counted, and written down line by line as JSON.
+//! The record of injected faults: counts, and a log file with one line of JSON each.
 
 use super::injection::{How, Injection, What};
 use super::plan::name;
-use super::stopped::{Needs, Outlook, Stop, Stopped};
+use super::stopped::{LastingEffects, Needs, Stop, Stopped};
 use skyloop_orbit::path_text;
 use skyloop_orbit::{Mark, OutputFile};
 use skyloop_protocols::Direction;
@@ -13,7 +13,7 @@ use std::io::{BufWriter, Write};
 use std::path::Path;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
-/// What was injected so far.
+/// Injected faults so far.
 #[derive(Default)]
 pub struct Book {
     counts: BTreeMap<(bool, &'static str), u64>,
@@ -23,22 +23,22 @@ pub struct Book {
     zero: Duration,
 }
 
-/// The file.
+/// The log file.
 struct Log {
     name: String,
     file: BufWriter<File>,
-    /// Why it could not be written; then nothing more is.
+    /// Why a write failed; nothing is written after that.
     failed: Option<String>,
 }
 
-/// How a fault log of skyloop is recognised.
+/// Marks of a fault log of skyloop.
 pub const MARK: Mark = &["{\"t_s\":", ",\"unix_s\":"];
 
-/// Inverted bits of one packet that are listed; of more, only their number.
-const BITS: usize = 64;
+/// Maximum number of listed inverted bits per packet; further ones are only counted.
+const MAX_BITS: usize = 64;
 
 impl Book {
-    /// A book that writes into `output` at `path` too, once that has begun.
+    /// A book that also writes to `output` at `path`.
     pub fn writing(path: &Path, output: &OutputFile) -> std::io::Result<Book> {
         Ok(Book {
             log: Some(Log {
@@ -50,13 +50,13 @@ impl Book {
         })
     }
 
-    /// The engine's zero is now.
+    /// Sets the engine's zero to now.
     pub(super) fn start(&mut self) {
         let now = SystemTime::now().duration_since(UNIX_EPOCH);
         self.zero = now.unwrap_or_default();
     }
 
-    /// Books injections into the link at `address`.
+    /// Records injections into the link at `address`.
     pub(super) fn note(&mut self, address: &str, injections: &[Injection]) {
         for injection in injections {
             let out = injection.direction == Direction::Out;
@@ -69,7 +69,7 @@ impl Book {
         }
     }
 
-    /// Injections so far, of all kinds and both directions.
+    /// Number of injections, of all kinds and both directions.
     pub fn total(&self) -> u64 {
         self.counts.values().sum()
     }
@@ -88,27 +88,26 @@ impl Book {
         format!("in: {}; out: {}", of(false), of(true))
     }
 
-    /// Adds what lasting faults did to packets in and out.
-    pub(super) fn foresee(&mut self, seen: [Outlook; 2]) {
-        let [way_in, way_out] = seen;
-        self.stopped.add(Direction::In, way_in);
-        self.stopped.add(Direction::Out, way_out);
+    /// Adds the effects of lasting faults on packets in and out.
+    pub(super) fn add_lasting(&mut self, [inbound, outbound]: [LastingEffects; 2]) {
+        self.stopped.add(Direction::In, inbound);
+        self.stopped.add(Direction::Out, outbound);
     }
 
-    /// The endless fault that stops all packets, such as `stuck, out`, and how many packets (on
-    /// CAN: frames) met it. None if no packet met one after `since`, or it is over.
+    /// The lasting fault that stops all packets, such as `stuck, out`, and the number of affected
+    /// packets (on CAN: frames). `None` if it affected none after `since`, or has ended.
     pub fn stopped(&self, since: Instant, needs: &Needs) -> Option<Stop> {
         self.stopped.since(since, Instant::now(), needs)
     }
 
-    /// Lets what is written reach the file.
+    /// Flushes the log to its file.
     pub fn flush(&mut self) {
         if let Some(log) = &mut self.log {
-            log.keep(|file| file.flush());
+            log.attempt(|file| file.flush());
         }
     }
 
-    /// Why the file is not whole, if it is not.
+    /// Errors: the log file is incomplete; the reason.
     pub fn finish(&mut self) -> Result<(), String> {
         self.flush();
         let failed = self.log.as_mut().and_then(|log| log.failed.take());
@@ -118,10 +117,10 @@ impl Book {
 
 impl Log {
     fn write(&mut self, line: &str) {
-        self.keep(|file| file.write_all(line.as_bytes()));
+        self.attempt(|file| file.write_all(line.as_bytes()));
     }
 
-    fn keep(&mut self, act: impl FnOnce(&mut BufWriter<File>) -> std::io::Result<()>) {
+    fn attempt(&mut self, act: impl FnOnce(&mut BufWriter<File>) -> std::io::Result<()>) {
         if self.failed.is_some() {
             return;
         }
@@ -136,7 +135,6 @@ impl Log {
     }
 }
 
-/// One line of the file.
 fn line(address: &str, injection: &Injection, zero: Duration) -> String {
     let direction = match injection.direction {
         Direction::In => "in",
@@ -173,7 +171,7 @@ fn line(address: &str, injection: &Injection, zero: Duration) -> String {
                     text,
                     ",\"flipped\":{},\"bits\":{:?}",
                     bits.len(),
-                    &bits[..bits.len().min(BITS)]
+                    &bits[..bits.len().min(MAX_BITS)]
                 ),
             }
         }
@@ -187,9 +185,9 @@ mod tests {
     use super::*;
     use skyloop_protocols::FaultKind;
 
-    /// Names of devices may have any characters.
+    /// Device names may contain any characters.
     #[test]
-    fn every_address_gives_a_line_of_json() {
+    fn every_address_gives_a_valid_line() {
         for address in [
             "udp://127.0.0.1:4810",
             "pty://a \"b\" \\ c",

@@ -1,9 +1,9 @@
-//! The faults around a CAN bus: its frames are harmed one by one.
+//! Faults of a CAN bus, applied to single frames.
 //!
-//! The link reads with one handle and sends with the other. Each handle first sends the frames that
-//! are due, unless the other one is doing so. Frames that the receiver drops, or that find the
-//! delay line full, count as overflows. While the bus is off in either direction, nothing arrives,
-//! frames to send stay queued, and the link gets an error frame as from the kernel.
+//! The link reads with one handle and sends with another. Each handle first sends the due frames,
+//! unless the other one is doing so. Frames that the receiver drops, or that do not fit into the
+//! delay line, count as overflows. While the bus is off in either direction, nothing arrives,
+//! frames to send stay queued, and the link gets an error frame like one of the kernel.
 
 use super::book::Book;
 use super::engine::{Damageable, Pushed};
@@ -23,16 +23,16 @@ use std::io;
 use std::sync::{Arc, Mutex, MutexGuard};
 use std::time::{Duration, Instant};
 
-/// How long a handle waits before it looks whether a frame is due in the other direction.
+/// Interval at which a handle checks for due frames of the other direction.
 const TICK: Duration = Duration::from_millis(2);
 
 impl Damageable for CanFrame {
-    /// Reports of the controller itself are never harmed.
-    fn octets(&self) -> Option<&[u8]> {
+    /// Error frames of the controller are never damaged.
+    fn bytes(&self) -> Option<&[u8]> {
         (!self.error).then(|| self.payload())
     }
 
-    /// A frame that is cut has the longest valid length below.
+    /// A truncated frame gets the next shorter valid length.
     fn with_bytes(mut self, bytes: Vec<u8>) -> CanFrame {
         let fits = |length: &&u8| usize::from(**length) <= bytes.len();
         let length = frame::LENGTHS.iter().rev().find(fits).copied().unwrap_or(0);
@@ -50,11 +50,11 @@ impl Damageable for CanFrame {
 
     fn packet(&self, bytes: usize) -> Shape {
         let items = match (self.id, self.payload()) {
-            // Begin, 7 or with a state 13 numbers, end.
+            // Begin; 7 numbers, with an orbit state 13; end.
             (ATTITUDE_BEGIN, [flags, ..]) if flags & 0x10 != 0 => 15,
             (ATTITUDE_BEGIN, _) => 9,
             (TO_EMULATOR | FROM_EMULATOR, payload) => match Pdu::parse(payload) {
-                // All frames are as long as the first, a byte of each is the sequence number.
+                // All frames are as long as the first; one byte each is the sequence number.
                 Some(Pdu::First { length, .. }) => length.div_ceil(bytes.max(2) - 1),
                 _ => 1,
             },
@@ -76,27 +76,26 @@ impl Damageable for CanFrame {
     }
 }
 
-/// The faults of one bus, for as many openings of it as there are.
+/// The faults of one bus, also after it is reopened.
 #[derive(Clone)]
 pub struct BusFaults(Arc<Mutex<State>>);
 
 struct State {
     faults: Injector<CanFrame>,
-    /// A frame that was due, and that the bus has not taken.
+    /// A due frame that the bus has not accepted.
     stopped: Option<CanFrame>,
-    /// A handle is sending what is due. The others leave it to that one, so that the order is kept.
+    /// Whether a handle is sending due frames. Others do not then, to preserve the order.
     sending: bool,
     /// Whether the controller is off the bus.
     is_off: bool,
-    /// What the controller reports, and commands that switch faults.
+    /// Error frames of the controller, and commands that switch faults.
     reports: VecDeque<CanFrame>,
-    /// Hears the client's commands, however the bus harms them afterwards.
+    /// Reassembles the client's commands before faults affect them.
     listener: Node,
 }
 
 impl BusFaults {
-    /// Scheduled faults of `plan` and live faults, at the bus at `address` whose link counts in
-    /// `tally`.
+    /// Scheduled faults of `plan` and live faults on the bus at `address`; `tally` counts them.
     pub fn new(
         address: &str,
         tally: &Arc<Tally>,
@@ -114,7 +113,7 @@ impl BusFaults {
         })))
     }
 
-    /// Puts them around an open bus.
+    /// Wraps them around an open bus.
     pub fn around(&self, bus: Box<dyn CanBus>) -> Box<dyn CanBus> {
         let faults = self.clone();
         Box::new(FaultyBus { bus, faults })
@@ -126,7 +125,7 @@ impl BusFaults {
 }
 
 impl State {
-    /// Notes what has been injected by now, and gives the next frame to send.
+    /// Records new injections and returns the next frame to send.
     fn next_due(&mut self) -> Option<CanFrame> {
         self.note();
         if self.is_off || self.sending {
@@ -135,14 +134,14 @@ impl State {
         self.stopped.take().or_else(|| self.faults.pop_out())
     }
 
-    /// When a reading handle must look again. A due frame that cannot leave does not count.
+    /// When a reading handle must check again. A blocked frame does not count.
     fn wake_at(&self) -> Option<Duration> {
         let blocked = self.is_off || self.stopped.is_some() || self.sending;
-        let out = self.faults.way_out.next_due().filter(|_| !blocked);
-        self.faults.way_in.next_due().into_iter().chain(out).min()
+        let out = self.faults.outbound.next_due().filter(|_| !blocked);
+        self.faults.inbound.next_due().into_iter().chain(out).min()
     }
 
-    /// Notes what has been injected, and reports when the controller leaves the bus or is back.
+    /// Records new injections, and reports when the controller goes off the bus or returns.
     fn note(&mut self) {
         for change in self.faults.note() {
             self.is_off = change == Change::Lost;
@@ -154,34 +153,34 @@ impl State {
         }
     }
 
-    /// Whether a frame is the answer to a command that switched a fault.
-    fn is_spared(&mut self, frame: &CanFrame) -> bool {
+    /// Whether a frame answers a command that switched a fault.
+    fn is_exempt(&mut self, frame: &CanFrame) -> bool {
         match (frame.id, frame.payload()) {
             (SHORT_ACK, [a, b, c, d]) => {
                 let [apid, count] = [[*a, *b], [*c, *d]].map(u16::from_be_bytes);
-                self.faults.spared.is_answered(apid, count)
+                self.faults.exempt.is_answered(apid, count)
             }
             _ => false,
         }
     }
 
-    /// A frame has come from the bus. A controller that is off it hears nothing.
+    /// Handles a frame from the bus. A controller that is off receives nothing.
     fn arrived(&mut self, frame: CanFrame) {
         let now = self.faults.start();
         let us = now.as_micros() as u64;
         let command = self.listener.receive(&frame, us).map(<[u8]>::to_vec);
         while self.listener.next_frame(us).is_some() {}
         if command.is_some_and(|packet| self.faults.switch(&packet, true)) {
-            // A command that ends a fault must get through that fault.
+            // A command that ends a fault must pass that fault.
             self.reports.push_back(frame);
         } else if self.is_off {
-            self.faults.way_in.foresee(&frame, now);
+            self.faults.inbound.observe(&frame, now);
         } else {
-            match self.faults.way_in.push(frame, now) {
+            match self.faults.inbound.push(frame, now) {
                 Pushed::Lost(FaultKind::Overrun) | Pushed::Full => {
                     count(&self.faults.tally.dropped)
                 }
-                // Other losses are in the log, and missing on the bus like any lost frame.
+                // Other losses are only in the log, like a frame lost on a real bus.
                 Pushed::Taken | Pushed::Lost(_) => {}
             }
         }
@@ -195,9 +194,8 @@ struct FaultyBus {
 }
 
 impl FaultyBus {
-    /// Sends the frames that are due. The lock is released meanwhile, so that the other handle can
-    /// read.
-    fn hand_on(&mut self) -> io::Result<()> {
+    /// Sends the due frames. The lock is released meanwhile, so the other handle can read.
+    fn send_due(&mut self) -> io::Result<()> {
         let mut state = self.faults.lock();
         while let Some(frame) = state.next_due() {
             state.sending = true;
@@ -217,34 +215,34 @@ impl FaultyBus {
 impl CanBus for FaultyBus {
     fn send(&mut self, frame: &CanFrame) -> io::Result<Sending> {
         self.faults.lock().faults.start();
-        self.hand_on()?;
+        self.send_due()?;
         let mut state = self.faults.lock();
         let now = state.faults.start();
         if state.is_off {
-            state.faults.way_out.foresee(frame, now);
+            state.faults.outbound.observe(frame, now);
         }
-        if state.is_off || state.stopped.is_some() || !state.faults.way_out.has_room() {
+        if state.is_off || state.stopped.is_some() || !state.faults.outbound.has_room() {
             return Ok(Sending::Full);
         }
-        let pushed = if state.is_spared(frame) {
-            state.faults.way_out.pass(*frame, now)
+        let pushed = if state.is_exempt(frame) {
+            state.faults.outbound.pass(*frame, now)
         } else {
-            state.faults.way_out.push(*frame, now)
+            state.faults.outbound.push(*frame, now)
         };
         if matches!(pushed, Pushed::Full | Pushed::Lost(FaultKind::BusOff)) {
             state.note();
             return Ok(Sending::Full);
         }
         drop(state);
-        // The frame is ours now. A bus that has gone says so again next time.
-        let _ = self.hand_on();
+        // The frame is accepted. A lost bus fails again at the next call.
+        let _ = self.send_due();
         Ok(Sending::Sent)
     }
 
     fn recv(&mut self, timeout: Duration) -> io::Result<Option<CanFrame>> {
         let deadline = Instant::now() + timeout;
         loop {
-            self.hand_on()?;
+            self.send_due()?;
             let mut state = self.faults.lock();
             if let Some(report) = state.reports.pop_front() {
                 return Ok(Some(report));
@@ -283,7 +281,7 @@ mod tests {
     use skyloop_protocols::personality::NATIVE;
     use std::sync::mpsc::{Receiver, Sender, channel};
 
-    /// One end of a bus between two.
+    /// One end of a bus of two nodes.
     struct Cable(Sender<CanFrame>, Arc<Mutex<Receiver<CanFrame>>>);
 
     impl CanBus for Cable {
@@ -323,7 +321,7 @@ mod tests {
     const SHORT: Duration = Duration::from_millis(30);
 
     #[test]
-    fn a_frame_that_is_cut_is_valid() {
+    fn truncated_frame_is_valid() {
         let (mut ours, mut client) = bus(&always("out", "truncate", 1.0));
         for i in 0..20 {
             assert_eq!(ours.send(&frame(i)).unwrap(), Sending::Sent);
@@ -333,7 +331,7 @@ mod tests {
     }
 
     #[test]
-    fn late_frames_leave_while_nobody_sends() {
+    fn delayed_frames_leave_while_a_handle_reads() {
         let (mut ours, mut client) = bus(&always("out", "delay", 0.05));
         let mut reader = ours.share().unwrap();
         let started = Instant::now();
@@ -346,7 +344,7 @@ mod tests {
     }
 
     #[test]
-    fn off_the_bus_nothing_comes_and_what_leaves_waits() {
+    fn bus_off_blocks_both_directions() {
         let plan = always("out", "bus_off", 1.0) + "at_s = 0.5\nfor_s = 2.0\n";
         let (mut ours, mut client) = bus(&plan);
         assert_eq!(ours.send(&frame(1)).unwrap(), Sending::Sent);
@@ -357,9 +355,12 @@ mod tests {
         let report = ours.recv(LONG).unwrap().unwrap();
         assert_eq!(Trouble::of(&report), Some(Trouble::Restarted));
         assert_eq!(ours.send(&frame(2)).unwrap(), Sending::Sent);
-        let came: Vec<CanFrame> = std::iter::from_fn(|| client.recv(SHORT).unwrap()).collect();
-        assert_eq!(came, [frame(1), frame(2)]);
-        let heard = ours.recv(SHORT).unwrap();
-        assert_eq!(heard, None, "frame 9 came while it was off");
+        let received: Vec<CanFrame> = std::iter::from_fn(|| client.recv(SHORT).unwrap()).collect();
+        assert_eq!(received, [frame(1), frame(2)]);
+        assert_eq!(
+            ours.recv(SHORT).unwrap(),
+            None,
+            "frame 9 came while it was off"
+        );
     }
 }

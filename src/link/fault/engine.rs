@@ -1,22 +1,22 @@
-//! The fault engine of one direction. It has no clock of its own and no wire.
+//! The fault engine of one direction, without a clock or a wire of its own.
 
-use super::harm::{ORDER, Way, is_loss};
+use super::harm::{ItemState, ORDER, is_loss};
 use super::injection::{Injection, What};
 use super::line::{Line, Order};
 use super::rule::Rule;
-use super::stopped::{Outlook, Shape};
+use super::stopped::{LastingEffects, Shape};
 use skyloop_protocols::{Direction, Fault, FaultKind, MAX_PACKET};
 use std::time::Duration;
 
-/// A packet or a CAN frame that faults can harm.
+/// A packet or CAN frame that faults can affect.
 pub(super) trait Damageable: Clone {
-    /// Its bytes; none for what is never harmed.
-    fn octets(&self) -> Option<&[u8]>;
-    /// The same with other bytes, at most as many.
+    /// Its bytes; `None` if it is never affected.
+    fn bytes(&self) -> Option<&[u8]>;
+    /// The same item with other bytes, at most as many.
     fn with_bytes(self, bytes: Vec<u8>) -> Self;
     /// Its description in the log: members of a JSON object.
     fn members(&self) -> String;
-    /// The packet that this item, of so many bytes, begins.
+    /// The packet that starts with this item of `bytes` bytes.
     fn packet(&self, bytes: usize) -> Shape {
         Shape::one(bytes)
     }
@@ -26,32 +26,32 @@ pub(super) trait Damageable: Clone {
     }
 }
 
-/// What became of an item.
+/// Result of a push.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Pushed {
-    /// It will come out, perhaps harmed.
+    /// The item will leave, perhaps damaged.
     Taken,
-    /// It is lost to a fault of this kind.
+    /// The item is lost to a fault of this kind.
     Lost(FaultKind),
     /// The delay line is full.
     Full,
 }
 
-/// The faults of one direction. Every `now` counts from one zero and never falls.
+/// The faults of one direction. All times count from the engine's zero; `now` never decreases.
 pub(super) struct Faults<T> {
     direction: Direction,
     rules: Vec<Rule>,
     line: Line<T>,
-    /// Items taken so far.
+    /// Number of items so far.
     number: u64,
-    /// Live faults so far.
+    /// Number of live faults so far.
     live: u32,
     injected: Vec<Injection>,
-    outlook: Outlook,
+    lasting: LastingEffects,
 }
 
 impl<T: Damageable> Faults<T> {
-    /// The faults of `direction` among `rules`.
+    /// The rules of `direction` out of `rules`.
     pub fn new(direction: Direction, rules: &[Rule]) -> Faults<T> {
         let own = |rule: &&Rule| rule.fault.direction == direction;
         Faults {
@@ -61,11 +61,11 @@ impl<T: Damageable> Faults<T> {
             number: 0,
             live: 0,
             injected: Vec::new(),
-            outlook: Outlook::default(),
+            lasting: LastingEffects::default(),
         }
     }
 
-    /// Puts a fault in force in place of those of its kind that are; value 0 only ends them.
+    /// Replaces the active faults of the same kind by `fault`; value 0 only ends them.
     pub fn switch(&mut self, fault: Fault, now: Duration) {
         self.turn(now);
         let same = |rule: &&mut Rule| rule.fault.kind == fault.kind && rule.is_on(now);
@@ -79,24 +79,24 @@ impl<T: Damageable> Faults<T> {
         self.turn(now);
     }
 
-    /// Takes an item.
+    /// Adds an item and applies the active faults.
     pub fn push(&mut self, item: T, now: Duration) -> Pushed {
         self.turn(now);
         if !self.has_room() {
             return Pushed::Full;
         }
-        let Some(bytes) = item.octets().map(<[u8]>::to_vec) else {
-            self.line.put(item, now, Order::Kept);
+        let Some(bytes) = item.bytes().map(<[u8]>::to_vec) else {
+            self.line.put(item, now, Order::InOrder);
             return Pushed::Taken;
         };
-        self.foresee(&item, now);
+        self.observe(&item, now);
         let number = self.number;
         self.number += 1;
-        let mut way = Way::of(bytes.clone());
+        let mut state = ItemState::of(bytes.clone());
         for kind in ORDER {
             let on = |rule: &&mut Rule| rule.fault.kind == kind && rule.is_on(now);
             for rule in self.rules.iter_mut().filter(on) {
-                let Some(how) = way.suffer(rule) else {
+                let Some(how) = state.apply(rule) else {
                     continue;
                 };
                 self.injected.push(Injection {
@@ -115,71 +115,71 @@ impl<T: Damageable> Faults<T> {
                 }
             }
         }
-        let due = now + way.later;
-        let item = if way.bytes == bytes {
+        let due = now + state.later;
+        let item = if state.bytes == bytes {
             item
         } else {
-            item.with_bytes(way.bytes)
+            item.with_bytes(state.bytes)
         };
-        if way.twice {
-            self.line.put(item.clone(), due, way.order);
+        if state.twice {
+            self.line.put(item.clone(), due, state.order);
         }
-        self.line.put(item, due, way.order);
+        self.line.put(item, due, state.order);
         Pushed::Taken
     }
 
-    /// Takes an item that suffers nothing; late in its turn, where others are.
+    /// Adds an item that no fault affects. Delayed items before it still leave first.
     pub fn pass(&mut self, item: T, now: Duration) -> Pushed {
         self.turn(now);
         if !self.has_room() {
             return Pushed::Full;
         }
         self.number += 1;
-        self.line.put(item, now, Order::Kept);
+        self.line.put(item, now, Order::InOrder);
         Pushed::Taken
     }
 
-    /// The next item that goes on at `now`.
+    /// The next item that leaves at `now`.
     pub fn pop_due(&mut self, now: Duration) -> Option<T> {
         self.turn(now);
         self.line.pop_due(now)
     }
 
-    /// When to ask again: something goes on, or a rule begins or ends.
+    /// When to poll again: an item leaves, or a rule begins or ends.
     pub fn next_due(&self) -> Option<Duration> {
         let turns = self.rules.iter().filter_map(Rule::next_turn);
         self.line.next_due().into_iter().chain(turns).min()
     }
 
-    /// Whether another item can be taken, and its double.
+    /// Whether another item and its duplicate fit.
     pub fn has_room(&self) -> bool {
         self.line.room() >= 2
     }
 
-    /// Items that have not gone on yet.
+    /// The delay line of items that have not left.
     pub fn line(&self) -> &Line<T> {
         &self.line
     }
 
-    /// Everything injected since the last call.
+    /// Takes the injections since the last call.
     pub fn injected(&mut self) -> Vec<Injection> {
         std::mem::take(&mut self.injected)
     }
 
-    /// Sees an item that comes, whether it is taken or not.
-    pub fn foresee(&mut self, item: &T, now: Duration) {
-        if let Some(bytes) = item.octets().map(<[u8]>::len) {
+    /// Counts the effect of lasting faults on an item, accepted or not.
+    pub fn observe(&mut self, item: &T, now: Duration) {
+        if let Some(bytes) = item.bytes().map(<[u8]>::len) {
             let (packet, longest) = (item.packet(bytes), item.longest());
-            self.outlook.see(&self.rules, packet, longest, now);
+            self.lasting.observe(&self.rules, packet, longest, now);
         }
     }
 
-    /// What the faults without an end did to items since the last call.
-    pub fn outlook(&mut self) -> Outlook {
-        std::mem::take(&mut self.outlook)
+    /// Takes the effects of lasting faults since the last call.
+    pub fn lasting(&mut self) -> LastingEffects {
+        std::mem::take(&mut self.lasting)
     }
 
-    /// Books the rules that have begun or ended by `now`.
+    /// Records the rules that have begun or ended by `now`.
     pub fn turn(&mut self, now: Duration) {
         for rule in &mut self.rules {
             while let Some((at, ends)) = rule.take_turn(now) {
@@ -205,8 +205,8 @@ mod tests {
     use crate::fault::injection::How;
 
     impl Damageable for Vec<u8> {
-        fn octets(&self) -> Option<&[u8]> {
-            // An empty one is never harmed.
+        fn bytes(&self) -> Option<&[u8]> {
+            // An empty one stands for an item that is no packet.
             (!self.is_empty()).then_some(self)
         }
 
@@ -244,7 +244,7 @@ mod tests {
         i.to_be_bytes().repeat(LENGTH / 2)
     }
 
-    /// What comes of `n` items, one a millisecond, with `rules`: items, injections, losses.
+    /// Pushes `n` items, one per millisecond: items out, injections, losses.
     fn run(rules: &[Rule], n: u16) -> (Vec<Vec<u8>>, Vec<Injection>, Vec<FaultKind>) {
         let mut faults = Faults::new(Direction::In, rules);
         let (mut out, mut lost) = (Vec::new(), Vec::new());
@@ -261,8 +261,8 @@ mod tests {
         (out, faults.injected(), lost)
     }
 
-    /// How items were harmed.
-    fn hows(injected: &[Injection]) -> impl Iterator<Item = &How> {
+    /// Kinds of damage.
+    fn damages(injected: &[Injection]) -> impl Iterator<Item = &How> {
         injected.iter().filter_map(|one| match &one.what {
             What::Item { how, .. } => Some(how),
             _ => None,
@@ -276,7 +276,7 @@ mod tests {
     }
 
     #[test]
-    fn losses_have_their_probability_and_are_told() {
+    fn losses_have_their_probability_and_are_logged() {
         for (kind, probability, n) in [
             (FaultKind::Drop, 0.05, 20_000),
             (FaultKind::Overrun, 0.05, 20_000),
@@ -288,43 +288,43 @@ mod tests {
             let fits = probability == 1.0 || fits(lost.len(), n.into(), probability);
             assert!(fits, "{kind:?}: {}", lost.len());
             assert_eq!(out.len() + lost.len(), usize::from(n), "{kind:?}");
-            assert_eq!(hows(&injected).count(), lost.len(), "{kind:?}");
+            assert_eq!(damages(&injected).count(), lost.len(), "{kind:?}");
             assert!(lost.iter().all(|one| *one == kind), "{kind:?}");
             assert_eq!(out.is_empty(), probability == 1.0, "{kind:?}");
         }
     }
 
     #[test]
-    fn bits_flip_with_their_probability_wherever_they_stand() {
+    fn bit_flips_have_their_probability_at_all_positions() {
         const N: u16 = 10_000;
         let (out, injected, _) = run(&[always(FaultKind::BitFlips, 1e-3, 3)], N);
-        let mut places = [0_usize; 8 * LENGTH];
-        for (i, harmed) in (0..N).zip(&out) {
-            for (byte, (is, was)) in harmed.iter().zip(item(i)).enumerate() {
+        let mut positions = [0_usize; 8 * LENGTH];
+        for (i, damaged) in (0..N).zip(&out) {
+            for (byte, (is, was)) in damaged.iter().zip(item(i)).enumerate() {
                 for bit in (0..8).filter(|bit| (is ^ was) & (0x80 >> bit) != 0) {
-                    places[8 * byte + bit] += 1;
+                    positions[8 * byte + bit] += 1;
                 }
             }
         }
-        let all: usize = places.iter().sum();
-        assert!(fits(all, places.len() * usize::from(N), 1e-3), "{all}");
-        // Chi-square over the places: mean their number, standard deviation sqrt(2 n).
+        let all: usize = positions.iter().sum();
+        assert!(fits(all, positions.len() * usize::from(N), 1e-3), "{all}");
+        // Chi-square of n positions: mean n, standard deviation sqrt(2 n).
         let expected = f64::from(N) * 1e-3;
-        let chi2 = places.map(|n| (n as f64 - expected).powi(2) / expected);
-        let (chi2, n) = (chi2.iter().sum::<f64>(), places.len() as f64);
+        let chi2 = positions.map(|n| (n as f64 - expected).powi(2) / expected);
+        let (chi2, n) = (chi2.iter().sum::<f64>(), positions.len() as f64);
         assert!((chi2 - n).abs() < 5.0 * (2.0 * n).sqrt(), "{chi2}");
-        // The log has each of them.
-        let told = hows(&injected).map(|how| match how {
+        // The log lists each of them.
+        let logged = damages(&injected).map(|how| match how {
             How::Bits(bits) => bits.len(),
             other => panic!("{other:?}"),
         });
-        assert_eq!(told.sum::<usize>(), all);
+        assert_eq!(logged.sum::<usize>(), all);
         let (out, ..) = run(&[always(FaultKind::BitFlips, 1.0, 3)], 2);
         assert!(out[1].iter().zip(item(1)).all(|(is, was)| *is == !was));
     }
 
     #[test]
-    fn doubles_cuts_and_swaps() {
+    fn duplicates_truncations_and_swaps() {
         let (out, ..) = run(&[always(FaultKind::Duplicate, 1.0, 1)], 3);
         assert_eq!(out, [0, 0, 1, 1, 2, 2].map(item));
         let (out, injected, _) = run(&[always(FaultKind::Truncate, 1.0, 1)], 2000);
@@ -334,20 +334,20 @@ mod tests {
             (Some(1), Some(LENGTH - 1))
         );
         assert!(out.iter().zip(0..).all(|(cut, i)| item(i).starts_with(cut)));
-        assert_eq!(hows(&injected).count(), 2000);
+        assert_eq!(damages(&injected).count(), 2000);
         let (out, injected, _) = run(&[always(FaultKind::Reorder, 0.2, 1)], 2000);
         let number = |item: &Vec<u8>| u16::from_be_bytes([item[0], item[1]]);
         let mut numbers: Vec<u16> = out.iter().map(number).collect();
         let swapped = numbers.windows(2).filter(|pair| pair[1] < pair[0]).count();
-        // A draw in a row of draws lets the second pass the first: 0.2 / 1.2 of all change places.
+        // The second of two hits in a row overtakes the first: 0.2 / 1.2 of all are swapped.
         assert!(fits(swapped, 2000, 0.2 / 1.2), "{swapped}");
-        assert!(fits(hows(&injected).count(), 2000, 0.2));
+        assert!(fits(damages(&injected).count(), 2000, 0.2));
         numbers.sort_unstable();
         assert!(numbers.into_iter().eq(0..2000), "none is lost");
     }
 
     #[test]
-    fn delay_keeps_the_order_and_jitter_does_not() {
+    fn delay_preserves_the_order_and_jitter_does_not() {
         let rules = [always(FaultKind::Delay, 0.02, 1)];
         let mut faults = Faults::new(Direction::In, &rules);
         assert_eq!(faults.push(item(1), ms(5)), Pushed::Taken);
@@ -355,7 +355,7 @@ mod tests {
         assert_eq!((faults.pop_due(ms(24)), faults.line().len()), (None, 1));
         assert_eq!(faults.pop_due(ms(25)), Some(item(1)));
         let (out, injected, _) = run(&[always(FaultKind::Jitter, 0.02, 1)], 1000);
-        let late = hows(&injected).map(|how| match how {
+        let late = damages(&injected).map(|how| match how {
             How::Later(by) => by.as_secs_f64(),
             other => panic!("{other:?}"),
         });
@@ -386,7 +386,7 @@ mod tests {
         let from = Duration::from_micros(10_500);
         let rule = Rule::new(fault(FaultKind::Down, 1.0, 0.0), 1, 0, from, Some(ms(20)));
         let (out, mut injected, lost) = run(&[rule], 30);
-        // Those of 11 to 19 ms.
+        // Items of 11 to 19 ms are lost.
         assert_eq!((out.len(), lost.len()), (21, 9));
         injected.retain(|injection| !matches!(injection.what, What::Item { .. }));
         let turns: Vec<_> = injected.into_iter().map(|one| (one.at, one.what)).collect();
@@ -394,7 +394,7 @@ mod tests {
     }
 
     #[test]
-    fn live_faults_take_the_place_of_their_kind() {
+    fn live_faults_replace_faults_of_their_kind() {
         let mut faults = Faults::new(Direction::In, &[always(FaultKind::Drop, 1.0, 1)]);
         assert_eq!(faults.push(item(0), ms(0)), Pushed::Lost(FaultKind::Drop));
         faults.switch(fault(FaultKind::Drop, 0.0, 0.0), ms(1));
@@ -405,7 +405,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_packet_is_never_harmed_and_keeps_its_place() {
+    fn items_without_bytes_are_unaffected_and_stay_in_order() {
         let mut faults = Faults::new(Direction::In, &[always(FaultKind::Delay, 0.02, 1)]);
         faults.push(item(1), ms(0));
         faults.push(Vec::new(), ms(1));
@@ -417,10 +417,10 @@ mod tests {
     }
 
     #[test]
-    fn a_full_line_takes_nothing() {
+    fn full_line_accepts_nothing() {
         let mut faults = Faults::new(Direction::In, &[always(FaultKind::Delay, 1.0, 1)]);
         let taken = (0..).take_while(|i| faults.push(item(*i), ms(0)) == Pushed::Taken);
-        // One place is kept for a double.
+        // One position is reserved for a duplicate.
         assert_eq!(taken.count(), super::super::line::CAPACITY - 1);
         assert_eq!(faults.push(item(9), ms(0)), Pushed::Full);
         assert_eq!(faults.pop_due(ms(1000)), Some(item(0)));

@@ -1,4 +1,4 @@
-//! What one rule does to one item.
+//! Effect of one rule on one item.
 
 use super::injection::How;
 use super::line::Order;
@@ -7,7 +7,7 @@ use skyloop_base::rng::PixelStream;
 use skyloop_protocols::FaultKind;
 use std::time::Duration;
 
-/// Order of the faults: first those of the line, then delays, then those of the receiver.
+/// Order of application: faults of the line, then delays, then faults of the receiver.
 pub(super) const ORDER: [FaultKind; 11] = [
     FaultKind::BusOff,
     FaultKind::Down,
@@ -22,29 +22,29 @@ pub(super) const ORDER: [FaultKind; 11] = [
     FaultKind::Overrun,
 ];
 
-/// An item on its way through the rules.
-pub(super) struct Way {
+/// An item to which rules are applied.
+pub(super) struct ItemState {
     pub bytes: Vec<u8>,
     pub later: Duration,
     pub twice: bool,
     pub order: Order,
 }
 
-impl Way {
-    pub fn of(octets: Vec<u8>) -> Way {
-        Way {
-            bytes: octets,
+impl ItemState {
+    pub fn of(bytes: Vec<u8>) -> ItemState {
+        ItemState {
+            bytes,
             later: Duration::ZERO,
             twice: false,
-            order: Order::Kept,
+            order: Order::InOrder,
         }
     }
 
-    /// Suffers one rule; how, if there is anything to tell.
-    pub fn suffer(&mut self, rule: &mut Rule) -> Option<How> {
+    /// Applies one rule; returns the damage, if any.
+    pub fn apply(&mut self, rule: &mut Rule) -> Option<How> {
         let mut random = rule.draw();
         let value = rule.fault.value;
-        let struck = random.uniform() < value;
+        let is_hit = random.uniform() < value;
         match rule.fault.kind {
             FaultKind::BitFlips => {
                 let bits = flips(&mut random, value, 8 * self.bytes.len());
@@ -64,11 +64,11 @@ impl Way {
                 self.order = Order::Free;
                 return Some(How::Later(later));
             }
-            _ if !struck => return None,
+            _ if !is_hit => return None,
             FaultKind::Truncate => {
-                let most = self.bytes.len().saturating_sub(1).max(1);
-                let left = 1 + (random.uniform() * most as f64) as usize;
-                self.bytes.truncate(left.min(most));
+                let max_length = self.bytes.len().saturating_sub(1).max(1);
+                let left = 1 + (random.uniform() * max_length as f64) as usize;
+                self.bytes.truncate(left.min(max_length));
                 return Some(How::CutTo(self.bytes.len()));
             }
             FaultKind::Duplicate => self.twice = true,
@@ -80,19 +80,19 @@ impl Way {
     }
 }
 
-/// Whether an item that meets a fault of this kind is lost.
+/// Whether a fault of this kind loses the item.
 pub(super) fn is_loss(kind: FaultKind) -> bool {
     use FaultKind::{BusOff, Down, Drop, Overrun, Stuck};
     matches!(kind, BusOff | Down | Stuck | Drop | Overrun)
 }
 
-/// Whether an item that meets a fault of this kind is damaged.
+/// Whether a fault of this kind damages the item.
 pub(super) fn is_damage(kind: FaultKind) -> bool {
     matches!(kind, FaultKind::Truncate | FaultKind::BitFlips)
 }
 
-/// Which of `bits` bits are inverted, each with `probability`. The gaps are geometric (Devroye
-/// 1986, X.2), so that one draw per inverted bit is enough.
+/// Indices of the inverted bits, each with `probability`. The gaps are geometric (Devroye 1986,
+/// X.2), so one draw per inverted bit is enough.
 fn flips(random: &mut PixelStream, probability: f64, bits: usize) -> Vec<usize> {
     if probability >= 1.0 {
         return (0..bits).collect();

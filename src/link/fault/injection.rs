@@ -1,30 +1,30 @@
-//! What was injected, for the log.
+//! Injected faults, for the log.
 
 use skyloop_protocols::{Direction, FaultKind};
 use std::time::Duration;
 
-/// A harmed item, or a rule that begins or ends.
+/// A damaged item, or a rule that begins or ends.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Injection {
-    /// When, since the engine's zero.
+    /// Time since the engine's zero.
     pub at: Duration,
     pub direction: Direction,
     pub kind: FaultKind,
     pub what: What,
 }
 
-/// What was done.
+/// Event of an injection.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum What {
     /// The rule begins, with this value.
     Begins(f64),
     /// The rule ends.
     Ends,
-    /// An item was harmed.
+    /// An item was affected.
     Item {
         /// Number of the item in its direction, from 0.
         number: u64,
-        /// How many bytes it had.
+        /// Original length in bytes.
         length: usize,
         /// Its description: members of a JSON object.
         members: String,
@@ -32,15 +32,15 @@ pub(super) enum What {
     },
 }
 
-/// How an item was harmed.
+/// Damage to an item.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum How {
-    /// As its kind says: it is lost, comes twice or changes places.
+    /// As its kind states: lost, duplicated or reordered.
     Plainly,
-    /// These bits were inverted, counted from the first byte's most significant one.
+    /// Indices of the inverted bits; 0 is the most significant bit of the first byte.
     Bits(Vec<usize>),
-    /// This many bytes were left.
+    /// Remaining number of bytes.
     CutTo(usize),
-    /// This much later.
+    /// Delay.
     Later(Duration),
 }

@@ -1,30 +1,30 @@
-//! The delay line: what has been taken and is not due yet, in a ring of fixed size.
+//! The delay line: items that are not due yet, in a ring of fixed size.
 
 use std::collections::VecDeque;
 use std::time::Duration;
 
-/// Items that a direction holds at once.
+/// Maximum number of items of a direction.
 pub const CAPACITY: usize = 1024;
-/// How long an item waits for the next one to overtake it.
+/// Maximum wait of an item for the next one to overtake it.
 const HOLD: Duration = Duration::from_millis(50);
 
-/// How an item goes in.
+/// How an item is queued.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Order {
-    /// Behind all that went in order before it.
-    Kept,
-    /// When it is due, whatever is overtaken.
+    /// After all earlier items in order.
+    InOrder,
+    /// By its due time alone; it may overtake.
     Free,
-    /// Behind the next item.
+    /// After the next item.
     Swapped,
 }
 
-/// A ring of items, the next one due in front.
+/// Items sorted by due time.
 pub(super) struct Line<T> {
     ring: VecDeque<(Duration, T)>,
-    /// When the last item that keeps its order is due.
+    /// Due time of the last item in order.
     last: Duration,
-    /// The item that waits for the next one, and until when.
+    /// The item that waits to be overtaken, and until when.
     held: Option<(Duration, T)>,
 }
 
@@ -37,7 +37,7 @@ impl<T> Line<T> {
         }
     }
 
-    /// Items that still fit.
+    /// Number of free positions.
     pub fn room(&self) -> usize {
         CAPACITY - self.len()
     }
@@ -46,7 +46,7 @@ impl<T> Line<T> {
         self.ring.len() + usize::from(self.held.is_some())
     }
 
-    /// Takes an item that is due at `due`.
+    /// Adds an item with its due time.
     pub fn put(&mut self, item: T, due: Duration, order: Order) {
         match order {
             Order::Swapped if self.held.is_none() => {
@@ -54,7 +54,7 @@ impl<T> Line<T> {
                 return;
             }
             Order::Free => self.insert(item, due),
-            Order::Kept | Order::Swapped => {
+            Order::InOrder | Order::Swapped => {
                 self.last = self.last.max(due);
                 self.insert(item, self.last);
             }
@@ -65,16 +65,16 @@ impl<T> Line<T> {
         }
     }
 
-    /// Puts an item behind all that are due no later.
+    /// Inserts an item after all that are due no later.
     fn insert(&mut self, item: T, due: Duration) {
-        let place = self.ring.partition_point(|(other, _)| *other <= due);
-        self.ring.insert(place, (due, item));
+        let position = self.ring.partition_point(|(other, _)| *other <= due);
+        self.ring.insert(position, (due, item));
     }
 
-    /// The next item that is due at `now`.
+    /// Takes the next item due at `now`.
     pub fn pop_due(&mut self, now: Duration) -> Option<T> {
         if let Some((until, held)) = self.held.take_if(|(until, _)| *until <= now) {
-            // Nobody came to overtake it.
+            // No item came to overtake it.
             self.last = self.last.max(until);
             self.insert(held, self.last);
         }
@@ -84,7 +84,7 @@ impl<T> Line<T> {
         None
     }
 
-    /// When something is due next.
+    /// The next due time.
     pub fn next_due(&self) -> Option<Duration> {
         let front = self.ring.front().map(|(due, _)| *due);
         let held = self.held.as_ref().map(|(until, _)| *until);
@@ -106,15 +106,15 @@ mod tests {
     }
 
     #[test]
-    fn order_is_kept_where_the_delay_shrinks() {
+    fn order_is_preserved_when_the_delay_shrinks() {
         let mut line = Line::new();
-        line.put(1, ms(20), Order::Kept);
-        line.put(2, ms(5), Order::Kept);
+        line.put(1, ms(20), Order::InOrder);
+        line.put(2, ms(5), Order::InOrder);
         assert_eq!(line.next_due(), Some(ms(20)));
         assert!(due(&mut line, ms(19)).is_empty());
         assert_eq!(due(&mut line, ms(20)), [1, 2]);
-        // One that is free goes when it is due, and equals stay as they came.
-        line.put(3, ms(40), Order::Kept);
+        // Free items leave at their due time; equal ones in order of arrival.
+        line.put(3, ms(40), Order::InOrder);
         line.put(4, ms(30), Order::Free);
         line.put(5, ms(30), Order::Free);
         assert_eq!(due(&mut line, ms(30)), [4, 5]);
@@ -122,11 +122,11 @@ mod tests {
     }
 
     #[test]
-    fn one_that_is_swapped_follows_the_next_or_goes_alone() {
+    fn swapped_item_follows_the_next_or_leaves_alone() {
         let mut line = Line::new();
         line.put(1, ms(10), Order::Swapped);
-        line.put(2, ms(12), Order::Kept);
-        line.put(3, ms(13), Order::Kept);
+        line.put(2, ms(12), Order::InOrder);
+        line.put(3, ms(13), Order::InOrder);
         assert_eq!(due(&mut line, ms(13)), [2, 1, 3]);
         // Two in a row: the second overtakes the first.
         line.put(4, ms(20), Order::Swapped);
@@ -139,13 +139,13 @@ mod tests {
     }
 
     #[test]
-    fn the_ring_wraps_and_keeps_its_size() {
+    fn ring_wraps_at_constant_capacity() {
         let mut line = Line::new();
         let mut out = Vec::new();
-        // Three times its capacity, half a ring under way.
+        // Three times the capacity, half of it in the ring at a time.
         for i in 0..3 * CAPACITY as u32 {
             let now = ms(u64::from(i));
-            line.put(i, now + ms(CAPACITY as u64 / 2), Order::Kept);
+            line.put(i, now + ms(CAPACITY as u64 / 2), Order::InOrder);
             out.extend(due(&mut line, now));
             assert!(line.len() <= CAPACITY / 2 && line.room() >= CAPACITY / 2);
         }

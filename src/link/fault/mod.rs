@@ -1,7 +1,8 @@
-//! Faults in any link: items are damaged, lost, doubled, delayed or reordered, by a schedule or by
-//! command. They repeat with their seeds, and are logged.
+//! Fault injection for any link: items are damaged, lost, duplicated, delayed or reordered, by a
+//! schedule or by command. Faults are reproducible by their seeds, and logged.
 //!
-//! The order is wire, faults, capture, emulator: a recording holds what the emulator got and sent.
+//! The order is wire, faults, capture, emulator: a recording holds the packets that the emulator
+//! received and sent.
 
 mod book;
 mod bus;

@@ -3,15 +3,15 @@
 use super::injection::{Injection, What};
 use skyloop_protocols::FaultKind;
 
-/// Follows the faults of one kind.
+/// Tracks the faults of one kind.
 #[derive(Debug)]
 pub(super) struct Outage {
     kind: FaultKind,
-    /// Rules in force, of both directions.
+    /// Number of active rules of both directions.
     in_force: u32,
 }
 
-/// What has changed.
+/// A change of the link's state.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Change {
     Lost,
@@ -23,8 +23,8 @@ impl Outage {
         Outage { kind, in_force: 0 }
     }
 
-    /// Sees what happened next.
-    pub fn see(&mut self, injection: &Injection) -> Option<Change> {
+    /// Processes the next injection.
+    pub fn observe(&mut self, injection: &Injection) -> Option<Change> {
         match injection.what {
             What::Begins(_) if injection.kind == self.kind => {
                 self.in_force += 1;
@@ -39,7 +39,7 @@ impl Outage {
     }
 }
 
-/// What both directions have injected, in order; what begins where another ends comes first.
+/// Injections of both directions in order of time; at equal times, a beginning comes before an end.
 pub(super) fn in_order(mut a: Vec<Injection>, b: Vec<Injection>) -> Vec<Injection> {
     a.extend(b);
     a.sort_by_key(|injection| (injection.at, injection.what == What::Ends));
@@ -65,8 +65,8 @@ mod tests {
     }
 
     #[test]
-    fn a_line_is_back_when_both_directions_are() {
-        for (way_in, way_out, lost_and_back) in [
+    fn link_is_back_when_both_directions_are() {
+        for (inbound, outbound, lost_and_back) in [
             ([1, 3], [1, 3], &[1, 3][..]),
             ([1, 3], [2, 5], &[1, 5]),
             ([1, 3], [3, 4], &[1, 4]),
@@ -74,14 +74,14 @@ mod tests {
             ([1, 2], [3, 4], &[1, 2, 3, 4]),
         ] {
             let mut outage = Outage::of(FaultKind::Down);
-            let events = in_order(rule(Direction::In, way_in), rule(Direction::Out, way_out));
+            let events = in_order(rule(Direction::In, inbound), rule(Direction::Out, outbound));
             let changes: Vec<_> = events
                 .iter()
-                .filter_map(|event| Some((event.at.as_secs(), outage.see(event)?)))
+                .filter_map(|event| Some((event.at.as_secs(), outage.observe(event)?)))
                 .collect();
             let kinds = [Change::Lost, Change::Back].into_iter().cycle();
             let expected: Vec<_> = lost_and_back.iter().copied().zip(kinds).collect();
-            assert_eq!(changes, expected, "{way_in:?} {way_out:?}");
+            assert_eq!(changes, expected, "{inbound:?} {outbound:?}");
         }
     }
 }

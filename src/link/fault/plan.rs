@@ -9,7 +9,7 @@ use std::ops::RangeInclusive;
 use std::path::Path;
 use std::time::Duration;
 
-/// When which fault is in force.
+/// Faults with their times.
 #[derive(Debug, Clone, Default)]
 pub struct Plan {
     pub(super) rules: Vec<Rule>,
@@ -23,7 +23,7 @@ pub fn name(kind: FaultKind) -> &'static str {
         .map_or("", |(name, _)| name)
 }
 
-/// Why a fault cannot be injected into a link of whole packets; none if it can.
+/// Why a fault cannot be injected into a link of whole packets; `None` if it can.
 pub fn impossible(kind: FaultKind) -> Option<&'static str> {
     (kind == FaultKind::BusOff).then_some("only a CAN bus goes off: on other links use down")
 }
@@ -56,13 +56,13 @@ fn default_seed() -> u64 {
     SEED
 }
 
-/// Times that a schedule may name, s.
+/// Range of start times, s.
 const TIMES_S: RangeInclusive<f64> = 0.0..=1e6;
 
-/// How long a fault may last, s: one of 0 s would do nothing.
+/// Range of durations, s: a fault of 0 s would do nothing.
 const LENGTHS_S: RangeInclusive<f64> = f64::MIN_POSITIVE..=1e6;
 
-/// Limits of the keys; the most of value follows from kind.
+/// Limits of the keys; the upper limit of `value` depends on `kind`.
 const LIMITS: &[Limit] = &[
     ("faults[].at_s", Allowed::Number(TIMES_S)),
     ("faults[].for_s", Allowed::Number(LENGTHS_S)),
@@ -79,7 +79,7 @@ fn kinds() -> Vec<&'static str> {
 }
 
 impl Plan {
-    /// Reads the schedule for a link that is a CAN bus (`can`) or carries whole packets.
+    /// Reads the schedule for a CAN bus (`can`) or a link of whole packets.
     pub fn load(file: &Path, can: bool) -> Result<Plan, ConfigError> {
         let (name, text) = Folder::current().read(&file.to_string_lossy())?;
         Plan::parse(&name, &text, can)
@@ -89,33 +89,33 @@ impl Plan {
     pub fn parse(file: &str, text: &str, can: bool) -> Result<Plan, ConfigError> {
         read(file, text, EXAMPLE, &[LIMITS], |raw: Raw, check| {
             let rules = raw.faults.iter().enumerate();
-            let rules = rules.map(|(place, fault)| rule(check, place, fault, raw.seed, can));
+            let rules = rules.map(|(index, fault)| rule(check, index, fault, raw.seed, can));
             Ok(Plan {
                 rules: rules.collect::<Result<_, _>>()?,
             })
         })
     }
 
-    /// How many faults it has.
+    /// Number of faults.
     pub fn len(&self) -> usize {
         self.rules.len()
     }
 
-    /// Whether it has none.
+    /// Whether it has no faults.
     pub fn is_empty(&self) -> bool {
         self.rules.is_empty()
     }
 }
 
-/// Fault number `place` of a file.
+/// Checks fault `index` of a file.
 fn rule(
     check: &Check<'_>,
-    place: usize,
+    index: usize,
     raw: &RawFault,
     seed: u64,
     can: bool,
 ) -> Result<Rule, ConfigError> {
-    let key = |name: &str| format!("faults[{place}].{name}");
+    let key = |name: &str| format!("faults[{index}].{name}");
     let direction = match raw.direction.as_str() {
         "in" => Direction::In,
         "out" => Direction::Out,
@@ -159,11 +159,11 @@ fn rule(
         let error = check.refuse(&key("value"), value, allowed);
         return Err(error.needs(&[&key("kind")]));
     }
-    let most = match kind {
+    let max = match kind {
         FaultKind::Delay | FaultKind::Jitter => 60.0,
         _ => 1.0,
     };
-    let inside = check.range(&key("value"), value, f64::MIN_POSITIVE..=most);
+    let inside = check.range(&key("value"), value, f64::MIN_POSITIVE..=max);
     let value = inside.map_err(|error| error.needs(&[&key("kind")]))?;
     let from = Duration::from_secs_f64(at_s);
     Ok(Rule::new(
@@ -174,7 +174,7 @@ fn rule(
             seconds: for_s.unwrap_or(0.0),
         },
         raw.seed.unwrap_or(seed),
-        place as u32,
+        index as u32,
         from,
         for_s.map(|for_s| from + Duration::from_secs_f64(for_s)),
     ))
@@ -209,7 +209,7 @@ mod tests {
     }
 
     #[test]
-    fn wrong_schedules_are_refused_by_key() {
+    fn invalid_schedules_are_refused_by_key() {
         let of = |kind, keys| format!("[[faults]]\ndirection = \"in\"\nkind = \"{kind}\"\n{keys}");
         let up = of("drop", "value = 0.5").replace("\"in\"", "\"up\"");
         let types = of("drop", "value = \"a\"\nat_s = \"b\"\nfor_s = true");
@@ -279,9 +279,9 @@ mod tests {
                 ],
             ),
         ];
-        for (text, says) in cases {
+        for (text, expected) in cases {
             let refused = parse(&text).unwrap_err();
-            for word in says.iter().chain(&["faults.toml"]) {
+            for word in expected.iter().chain(&["faults.toml"]) {
                 assert!(refused.contains(word), "no {word:?} in {refused}");
             }
         }

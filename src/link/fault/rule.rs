@@ -1,28 +1,27 @@
-//! A rule: one fault, when it is in force, and its random numbers.
+//! A rule: one fault with its times and random numbers.
 
 use skyloop_base::rng::{NoiseKey, PixelStream};
 use skyloop_protocols::Fault;
 use std::time::Duration;
 
-/// A fault and when it is in force, from the engine's zero.
+/// A fault and its active time since the engine's zero.
 #[derive(Debug, Clone)]
 pub struct Rule {
-    /// What happens to whom, and how much.
     pub(super) fault: Fault,
-    /// Of its random numbers.
+    /// Seed of its random numbers.
     pub(super) seed: u64,
-    /// Its number among the rules: two of one seed draw different numbers.
+    /// Index of the rule: two rules of one seed draw different numbers.
     pub(super) number: u32,
     pub(super) from: Duration,
     /// None: to the end of the run.
     pub(super) until: Option<Duration>,
-    /// Items that have come while it was in force.
+    /// Number of items while it was active.
     seen: u32,
-    /// How often it has turned: begun, ended.
+    /// 0 before its beginning, 1 while active, 2 after its end.
     turned: u8,
 }
 
-/// Seed of faults that name none.
+/// Default seed.
 pub(super) const SEED: u64 = 1;
 /// Live faults are numbered from here.
 const LIVE: u32 = 1 << 16;
@@ -53,7 +52,7 @@ impl Rule {
         Rule::new(fault, SEED, LIVE + count, now, until)
     }
 
-    /// Whether it is in force.
+    /// Whether it is active.
     pub(super) fn is_on(&self, now: Duration) -> bool {
         self.from <= now && self.until.is_none_or(|until| now < until)
     }
@@ -67,20 +66,20 @@ impl Rule {
         }
     }
 
-    /// If it has begun or ended by `now` and nobody knows yet: when, and whether it is the end.
+    /// The next unreported beginning or end by `now`: its time, and whether it is the end.
     pub(super) fn take_turn(&mut self, now: Duration) -> Option<(Duration, bool)> {
         let at = self.next_turn().filter(|at| *at <= now)?;
         self.turned += 1;
         Some((at, self.turned == 2))
     }
 
-    /// Whether it has ended and everybody knows.
+    /// Whether its end has been reported.
     pub(super) fn is_over(&self) -> bool {
         self.turned == 2
     }
 
-    /// Random numbers for the next item. They depend on the seed, the rule and the number of items
-    /// before, so that they repeat.
+    /// Random numbers for the next item. They depend only on the seed, the rule and the number of
+    /// earlier items, so they are reproducible.
     pub(super) fn draw(&mut self) -> PixelStream {
         let key = NoiseKey {
             seed: self.seed,

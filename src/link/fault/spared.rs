@@ -1,19 +1,19 @@
-//! Answers to commands that switch faults pass all faults, so that a client learns the result.
+//! No fault affects answers to commands that switch faults, so that a client gets the result.
 
 use skyloop_protocols::packet::{apid, identify};
 use skyloop_protocols::{Personality, Reply};
 use std::collections::VecDeque;
 
-/// Commands whose answer is remembered at once; of more, the oldest are forgotten.
+/// Maximum number of stored commands; beyond it the oldest are dropped.
 const MAX: usize = 64;
 
-/// Commands that have passed and whose answer has not: APID and sequence count.
+/// Commands without an answer yet: APID and sequence count.
 #[derive(Debug, Default)]
-pub(super) struct Spared(VecDeque<(u16, u16)>);
+pub(super) struct ExemptAnswers(VecDeque<(u16, u16)>);
 
-impl Spared {
-    /// A command has passed: the next answer to it is spared.
-    pub fn remember(&mut self, apid: u16, count: u16) {
+impl ExemptAnswers {
+    /// Adds a command: the next answer to it is exempt.
+    pub fn add(&mut self, apid: u16, count: u16) {
         if self.0.len() >= MAX {
             self.0.pop_front();
         }
@@ -21,7 +21,7 @@ impl Spared {
     }
 
     /// Whether a packet is the answer to such a command.
-    pub fn is_spared(&mut self, personality: &Personality, packet: Option<&[u8]>) -> bool {
+    pub fn is_exempt(&mut self, personality: &Personality, packet: Option<&[u8]>) -> bool {
         let answers = |packet: &&[u8]| {
             identify(packet).is_some_and(|(kind, _)| matches!(kind, apid::ACK | apid::NACK))
         };
@@ -35,9 +35,9 @@ impl Spared {
         }
     }
 
-    /// Whether a command waits for its answer, which this is.
+    /// Whether this is the answer to a stored command, which is removed.
     pub fn is_answered(&mut self, apid: u16, count: u16) -> bool {
-        let place = self.0.iter().position(|known| *known == (apid, count));
-        place.and_then(|place| self.0.remove(place)).is_some()
+        let index = self.0.iter().position(|known| *known == (apid, count));
+        index.and_then(|index| self.0.remove(index)).is_some()
     }
 }

@@ -1,4 +1,4 @@
-//! Recognizes lasting faults that let no packet through: a client gives up before one arrives.
+//! Detects lasting faults that stop all packets: a client times out before one arrives.
 
 use super::plan::name;
 use super::rule::Rule;
@@ -7,56 +7,55 @@ use skyloop_protocols::{Direction, FaultKind};
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
-/// A direction counts as stopped when a packet passes with a lower chance. A client sends a command
-/// some 20 times before it gives up: 2 % of such runs would get one through.
+/// Below this probability of a packet to pass, a direction counts as stopped. A client repeats a
+/// command some 20 times: 2 % of such runs would get one through.
 const MIN_CHANCE: f64 = 1e-3;
-/// Jitter from which CAN frames, 0.1 to 1 ms apart, overtake each other in any order.
+/// Jitter above which CAN frames, 0.1 to 1 ms apart, arrive in random order.
 const MAX_SPACING: Duration = Duration::from_millis(10);
 
-/// The frames of an attitude on CAN must come within this time (N_Cr).
+/// Maximum time between the frames of an attitude on CAN (N_Cr).
 const MAX_SPREAD: Duration = Duration::from_micros(Parameters::FD.timeout_us);
 
-/// A fault that lasts so much longer counts as endless: the flight computer gives up after 30 s
+/// A fault that lasts this much longer counts as endless: the flight computer times out after 30 s
 /// without an answer (`TIMEOUT` in `flight`).
 const LASTING: Duration = Duration::from_secs(30);
 
-/// A fault by which nothing passes any more.
+/// A fault that stops all packets.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Stop {
     /// Its kind and direction, such as `stuck, out`.
     pub fault: String,
-    /// How many packets met it.
+    /// Number of affected packets.
     pub packets: u64,
-    /// How much longer it lasted when the last of them came; none: it has no end.
+    /// Its remaining time when the last of them came; `None`: it has no end.
     pub lasts: Option<Duration>,
 }
 
-/// The fault that stops one direction: its kind, and how much longer it lasts.
-type Culprit = (FaultKind, Option<Duration>);
+/// The fault that stops one direction: its kind and remaining time.
+type Cause = (FaultKind, Option<Duration>);
 
-/// What a client needs to get frames.
+/// Requirements of a client to get frames.
 #[derive(Debug, Clone, Copy)]
 pub struct Needs {
-    /// How late a packet may be on both ways together.
+    /// How late a packet may be on both directions together.
     pub timeout: Duration,
-    /// Whether packets of the greatest length come with each frame.
+    /// Whether each frame has packets of maximum length.
     pub long_packets: bool,
 }
 
-/// Effect of endless faults on the items of one direction, since the last call.
+/// Effects of lasting faults on the items of one direction, since the last call.
 #[derive(Debug, Default)]
-pub(super) struct Outlook {
-    /// The kind that stops the most, and how many items it stopped: as they are, and as if they
-    /// were parts of the longest packets.
-    lost: [Option<(Culprit, u64)>; 2],
-    /// How much later items come.
+pub(super) struct LastingEffects {
+    /// The main cause and the number of stopped items: for their own packets, and for packets of
+    /// maximum length.
+    lost: [Option<(Cause, u64)>; 2],
     late: Late,
 }
 
-/// Mean delay of items, their number, and the fault that causes most of it.
-type Late = (Duration, u64, Option<Culprit>);
+/// Mean delay of items, their number, and its main cause.
+type Late = (Duration, u64, Option<Cause>);
 
-/// How much later (s) a fault lets items come on average: a jitter is even from 0 to its value.
+/// Mean delay by a fault, s: jitter is uniform from 0 to its value.
 fn late_s(rule: &Rule) -> f64 {
     match rule.fault.kind {
         FaultKind::Delay => rule.fault.value,
@@ -65,9 +64,9 @@ fn late_s(rule: &Rule) -> f64 {
     }
 }
 
-impl Outlook {
-    /// Books an item that meets `rules` at `now`.
-    pub fn see(&mut self, rules: &[Rule], item: Shape, longest: Shape, now: Duration) {
+impl LastingEffects {
+    /// Adds an item that arrives at `now` under `rules`.
+    pub fn observe(&mut self, rules: &[Rule], item: Shape, longest: Shape, now: Duration) {
         let lasts = |rule: &Rule| rule.until.map(|until| until.saturating_sub(now));
         let is_endless = |rule: &&Rule| lasts(rule).is_none_or(|lasts| lasts >= LASTING);
         let endless = rules
@@ -77,32 +76,32 @@ impl Outlook {
         let mean_s: f64 = endless.clone().map(late_s).sum();
         if mean_s > 0.0 {
             let latest = |a: &&Rule, b: &&Rule| late_s(a).total_cmp(&late_s(b));
-            let most = endless.clone().max_by(latest);
-            let culprit = most.map(|rule| (rule.fault.kind, lasts(rule)));
-            self.late = (Duration::from_secs_f64(mean_s), self.late.1 + 1, culprit);
+            let largest = endless.clone().max_by(latest);
+            let cause = largest.map(|rule| (rule.fault.kind, lasts(rule)));
+            self.late = (Duration::from_secs_f64(mean_s), self.late.1 + 1, cause);
         }
         for (shape, lost) in [item, longest].into_iter().zip(&mut self.lost) {
             let chances = endless
                 .clone()
                 .map(|rule| (chance(rule, shape), (rule.fault.kind, lasts(rule))));
             let all: f64 = chances.clone().map(|(chance, _)| chance).product();
-            let least = chances.min_by(|a, b| a.0.total_cmp(&b.0));
-            if let (true, Some((_, culprit))) = (all < MIN_CHANCE, least) {
-                *lost = Some((culprit, lost.map_or(0, |(_, count)| count) + 1));
+            let smallest = chances.min_by(|a, b| a.0.total_cmp(&b.0));
+            if let (true, Some((_, cause))) = (all < MIN_CHANCE, smallest) {
+                *lost = Some((cause, lost.map_or(0, |(_, count)| count) + 1));
             }
         }
     }
 }
 
-/// A packet as so many items of so many bytes.
+/// Number and length of the items of a packet.
 #[derive(Debug, Clone, Copy)]
 pub struct Shape {
-    /// How many; on CAN: frames.
+    /// Number of items; on CAN: frames.
     pub items: usize,
-    /// Of each.
+    /// Bytes of each.
     pub bytes: usize,
-    /// Whether they must come once and in order, as those of ISO-TP (ISO 15765-2, 9.8.3). Others
-    /// must come within `MAX_SPREAD`.
+    /// Whether they must arrive once and in order, as in ISO-TP (ISO 15765-2, 9.8.3). Others must
+    /// arrive within `MAX_SPREAD`.
     pub in_order: bool,
 }
 
@@ -117,7 +116,7 @@ impl Shape {
     }
 }
 
-/// The chance that a packet passes a rule undamaged.
+/// Probability that a packet passes a rule undamaged.
 fn chance(rule: &Rule, packet: Shape) -> f64 {
     let (value, n) = (rule.fault.value, packet.items as f64);
     match rule.fault.kind {
@@ -127,11 +126,11 @@ fn chance(rule: &Rule, packet: Shape) -> f64 {
         FaultKind::Duplicate | FaultKind::Reorder if packet.in_order => {
             libm::pow(1.0 - value, n - 1.0)
         }
-        // n items in a random order: 1 / n! are in order.
+        // n items in random order are in order with probability 1 / n!.
         FaultKind::Jitter if packet.in_order && value > MAX_SPACING.as_secs_f64() => {
             1.0 / libm::tgamma(n + 1.0)
         }
-        // The others within the time, before or after the first.
+        // All others within that time before or after the first.
         FaultKind::Jitter if !packet.in_order => {
             let chance = (2.0 * MAX_SPREAD.as_secs_f64() / value).min(1.0);
             libm::pow(chance, n - 1.0)
@@ -140,38 +139,38 @@ fn chance(rule: &Rule, packet: Shape) -> f64 {
     }
 }
 
-/// Packets that met a fault.
+/// Packets affected by a fault.
 #[derive(Debug, Clone, Copy)]
-struct Met {
+struct Affected {
     packets: u64,
-    /// When the last of them came.
+    /// Arrival of the last of them.
     at: Instant,
-    /// How much longer the fault lasted then; none: it has no end.
+    /// Remaining time of the fault then; `None`: it has no end.
     lasts: Option<Duration>,
 }
 
-impl Met {
-    /// Whether the last of them came after `since`, and the fault lasts at `now`.
+impl Affected {
+    /// Whether the last of them came after `since`, and the fault is active at `now`.
     fn counts(&self, since: Instant, now: Instant) -> bool {
         let ended = |lasts| now.saturating_duration_since(self.at) >= lasts;
         self.at > since && !self.lasts.is_some_and(ended)
     }
 }
 
-/// Packets of both directions that have no chance to pass.
+/// Stopped packets of both directions.
 #[derive(Debug, Default)]
 pub(super) struct Stopped {
-    /// By length (longest: true), direction (out: true) and kind.
-    lost: BTreeMap<(bool, bool, &'static str), Met>,
-    /// Mean delay of packets in and out, and the kind that causes most of it.
-    late: [Option<(Duration, FaultKind, Met)>; 2],
+    /// By length (maximum: true), direction (out: true) and kind.
+    lost: BTreeMap<(bool, bool, &'static str), Affected>,
+    /// Mean delay of packets in and out, and its main cause.
+    late: [Option<(Duration, FaultKind, Affected)>; 2],
 }
 
 impl Stopped {
-    /// Adds what one direction has seen.
-    pub fn add(&mut self, direction: Direction, seen: Outlook) {
+    /// Adds the effects on one direction.
+    pub fn add(&mut self, direction: Direction, seen: LastingEffects) {
         let out = direction == Direction::Out;
-        let met = |before: u64, count, lasts| Met {
+        let affected = |before: u64, count, lasts| Affected {
             packets: before + count,
             at: Instant::now(),
             lasts,
@@ -180,43 +179,44 @@ impl Stopped {
             if let Some(((kind, lasts), count)) = seen {
                 let key = (is_long, out, name(kind));
                 let before = self.lost.get(&key).map_or(0, |before| before.packets);
-                self.lost.insert(key, met(before, count, lasts));
+                self.lost.insert(key, affected(before, count, lasts));
             }
         }
         if let (delay, count, Some((kind, lasts))) = seen.late {
             let late = &mut self.late[usize::from(out)];
             let before = late.map_or(0, |(_, _, before)| before.packets);
-            *late = Some((delay, kind, met(before, count, lasts)));
+            *late = Some((delay, kind, affected(before, count, lasts)));
         }
     }
 
-    /// The fault that stops a direction. None if no packet met one after `since`, or it is over at
-    /// `now`.
+    /// The fault that stops a direction. `None` if it affected no packet after `since`, or has
+    /// ended at `now`.
     pub fn since(&self, since: Instant, now: Instant, needs: &Needs) -> Option<Stop> {
-        let way = |out: bool| if out { "out" } else { "in" };
+        let name_of = |out: bool| if out { "out" } else { "in" };
         let is_needed = |is_long: bool, out: bool| !is_long || (out && needs.long_packets);
         let mut lost = self.lost.iter();
-        let stops = lost
-            .find(|((is_long, out, _), met)| is_needed(*is_long, *out) && met.counts(since, now));
-        if let Some(((_, out, name), met)) = stops {
+        let stops = lost.find(|((is_long, out, _), affected)| {
+            is_needed(*is_long, *out) && affected.counts(since, now)
+        });
+        if let Some(((_, out, name), affected)) = stops {
             return Some(Stop {
-                fault: format!("{name}, {}", way(*out)),
-                packets: met.packets,
-                lasts: met.lasts,
+                fault: format!("{name}, {}", name_of(*out)),
+                packets: affected.packets,
+                lasts: affected.lasts,
             });
         }
         let late = self.late;
-        let late = late.map(|late| late.filter(|(_, _, met)| met.counts(since, now)));
+        let late = late.map(|late| late.filter(|(_, _, affected)| affected.counts(since, now)));
         let [late_in, late_out] = late.map(|late| late.map_or(Duration::ZERO, |(delay, ..)| delay));
         if late_in + late_out < needs.timeout {
             return None;
         }
         let out = late_out > late_in;
-        let (_, kind, met) = late[usize::from(out)]?;
+        let (_, kind, affected) = late[usize::from(out)]?;
         Some(Stop {
-            fault: format!("{}, {}", name(kind), way(out)),
-            packets: met.packets,
-            lasts: met.lasts,
+            fault: format!("{}, {}", name(kind), name_of(out)),
+            packets: affected.packets,
+            lasts: affected.lasts,
         })
     }
 }
@@ -243,13 +243,14 @@ mod tests {
         }
     }
 
-    /// X-Val, by hand: 1400 bytes are 11,200 bits, exp(-11.2) = 1.4e-5 and exp(-5.6) = 3.7e-3; 23 CAN frames of 64 bytes have 11,776 bits;
-    /// 0.7^23 = 2.7e-4, 0.8^23 = 5.9e-3, 0.7^22 = 3.9e-4; 1 / 7! = 2e-4, 1 / 6! = 1.4e-3.
+    /// X-Val, by hand: 1400 bytes are 11,200 bits, exp(-11.2) = 1.4e-5 and exp(-5.6) = 3.7e-3; 23
+    /// CAN frames of 64 bytes have 11,776 bits; 0.7^23 = 2.7e-4, 0.8^23 = 5.9e-3, 0.7^22 = 3.9e-4;
+    /// 1 / 7! = 2e-4, 1 / 6! = 1.4e-3.
     #[test]
-    fn a_fault_without_an_end_that_lets_less_than_one_packet_in_1000_pass_stops_the_line() {
+    fn lasting_fault_that_passes_under_one_packet_in_1000_stops_the_line() {
         use FaultKind::*;
         let [end, late] = [9, 100_000].map(|s| Some(Duration::from_secs(s)));
-        // docs/how-to/run.md: what lasts 30 s or longer counts as endless.
+        // docs/how-to/run.md: a fault of 30 s or longer counts as endless.
         let [short, long] = [29_999, 30_000].map(|ms| Some(Duration::from_millis(ms)));
         for (kind, value, until, bytes, items, long_packets, stops) in [
             (Stuck, 1.0, None, 18, 1, false, true),
@@ -288,7 +289,7 @@ mod tests {
             (BitFlips, 1e-2, None, 8, 15, false, true),
             (BitFlips, 1e-3, None, 8, 15, false, false),
         ] {
-            let mut outlook = Outlook::default();
+            let mut lasting = LastingEffects::default();
             let begin = Instant::now();
             let shape = Shape {
                 items,
@@ -296,9 +297,9 @@ mod tests {
                 in_order: items != 15,
             };
             let rules = [rule(kind, value, until)];
-            outlook.see(&rules, shape, Shape::one(1400), Duration::ZERO);
+            lasting.observe(&rules, shape, Shape::one(1400), Duration::ZERO);
             let mut stopped = Stopped::default();
-            stopped.add(Direction::Out, outlook);
+            stopped.add(Direction::Out, lasting);
             let needs = needs(long_packets);
             let expected = stops.then(|| Stop {
                 fault: format!("{}, out", name(kind)),
@@ -309,7 +310,7 @@ mod tests {
             let now = Instant::now();
             assert_eq!(stopped.since(begin, now, &needs), expected, "{case}");
             assert_eq!(stopped.since(now, now, &needs), None, "{case}");
-            // A fault that has ended stops nothing.
+            // An ended fault stops nothing.
             let over = now + until.unwrap_or_default();
             let lasts = expected.filter(|_| until.is_none());
             assert_eq!(stopped.since(begin, over, &needs), lasts, "{case}");
@@ -317,9 +318,9 @@ mod tests {
     }
 
     #[test]
-    fn delays_of_both_ways_add_up() {
+    fn delays_of_both_directions_add_up() {
         use FaultKind::{Delay, Jitter};
-        // That of packets in lasts for so long, s, and is looked at after so long.
+        // Duration of the inbound fault, s, and time of the check, s.
         for (delays, for_s, after_s, fault) in [
             ([(Delay, 0.0), (Delay, 29.9)], None, 0, None),
             ([(Delay, 0.0), (Delay, 30.0)], None, 0, Some("delay, out")),
@@ -338,7 +339,7 @@ mod tests {
                 61,
                 Some("delay, out"),
             ),
-            // Even from 0 to the value: half of it on average.
+            // Uniform from 0 to the value: half of it on average.
             ([(Jitter, 60.0), (Delay, 0.0)], None, 0, Some("jitter, in")),
             ([(Delay, 0.0), (Jitter, 59.9)], None, 0, None),
             (
@@ -349,12 +350,12 @@ mod tests {
             ),
         ] {
             let (mut stopped, begin) = (Stopped::default(), Instant::now());
-            let ways = [(Direction::In, for_s), (Direction::Out, None)];
-            for ((direction, for_s), (kind, value)) in ways.into_iter().zip(delays) {
-                let mut outlook = Outlook::default();
+            let directions = [(Direction::In, for_s), (Direction::Out, None)];
+            for ((direction, for_s), (kind, value)) in directions.into_iter().zip(delays) {
+                let mut lasting = LastingEffects::default();
                 let rules = [rule(kind, value, for_s.map(Duration::from_secs))];
-                outlook.see(&rules, Shape::one(18), Shape::one(18), Duration::ZERO);
-                stopped.add(direction, outlook);
+                lasting.observe(&rules, Shape::one(18), Shape::one(18), Duration::ZERO);
+                stopped.add(direction, lasting);
             }
             let now = begin + Duration::from_secs(after_s);
             let found = stopped.since(begin, now, &needs(false));

@@ -1,11 +1,11 @@
-//! Faults around an open link: one thread per direction, between the link and the emulator.
+//! Faults of an open link: one thread per direction between the link and the emulator.
 
 use super::book::Book;
 use super::engine::{Damageable, Pushed};
 use super::injector::Injector;
 use super::plan::{Plan, impossible};
 use crate::error::LinkError;
-use crate::inbox::{Inbound, Inbox, Intake, inbox};
+use crate::inbox::{Inbound, Inbox, InboxSender, inbox};
 use crate::lock::lock;
 use crate::outbox::{self, Outbound, Outbox};
 use crate::tally::{Tally, count};
@@ -18,16 +18,15 @@ use std::sync::{Arc, Mutex, MutexGuard};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-/// How long a thread waits before it looks whether something has changed.
+/// Maximum wait of a thread before it checks again.
 const TICK: Duration = Duration::from_millis(20);
-/// How long it waits for room in the link's queue.
-const BREATH: Duration = Duration::from_micros(200);
+/// Wait for room in the link's queue.
+const ROOM_WAIT: Duration = Duration::from_micros(200);
 
-/// What both directions share.
 struct Shared {
     faults: Mutex<Injector<Inbound, Outbound>>,
     tally: Arc<Tally>,
-    /// Whether the emulator has dropped its end.
+    /// Whether the emulator has closed its end.
     ended: AtomicBool,
 }
 
@@ -38,7 +37,7 @@ impl Shared {
 }
 
 impl Damageable for Inbound {
-    fn octets(&self) -> Option<&[u8]> {
+    fn bytes(&self) -> Option<&[u8]> {
         Some(&self.packet)
     }
 
@@ -52,7 +51,6 @@ impl Damageable for Inbound {
     }
 }
 
-/// APID and sequence count, as the bytes state them.
 fn members(packet: &[u8]) -> String {
     packet::identify(packet).map_or(String::new(), |(apid, count)| {
         format!("\"apid\":{apid},\"sequence_count\":{count}")
@@ -60,7 +58,7 @@ fn members(packet: &[u8]) -> String {
 }
 
 impl Damageable for Outbound {
-    fn octets(&self) -> Option<&[u8]> {
+    fn bytes(&self) -> Option<&[u8]> {
         match self {
             Outbound::Packet { packet, .. } => Some(packet),
             Outbound::Release { .. } => None,
@@ -78,11 +76,11 @@ impl Damageable for Outbound {
     }
 
     fn members(&self) -> String {
-        self.octets().map_or(String::new(), members)
+        self.bytes().map_or(String::new(), members)
     }
 }
 
-/// Puts scheduled faults of `plan` and live faults between `wire` and the emulator. `book` logs
+/// Injects scheduled faults of `plan` and live faults between `wire` and the emulator. `book` logs
 /// them.
 pub fn wrap(
     wire: Wire,
@@ -96,15 +94,15 @@ pub fn wrap(
         tally: wire.tally.clone(),
         ended: AtomicBool::new(false),
     });
-    let (intake, inbox) = inbox(wire.tally.clone());
+    let (inbox_sender, inbox) = inbox(wire.tally.clone());
     let (mut outbox, departures) = outbox::queue(&wire.address, &wire.tally);
     outbox.injects = |kind| impossible(kind).map_or(Ok(()), Err);
-    let way_in = RxPath {
+    let rx_path = RxPath {
         from: wire.inbox,
-        to: intake,
+        to: inbox_sender,
         shared: shared.clone(),
     };
-    let way_out = TxPath {
+    let tx_path = TxPath {
         from: departures,
         to: wire.outbox,
         sender: wire.sender,
@@ -120,10 +118,10 @@ pub fn wrap(
     };
     let thread = |name: &str| std::thread::Builder::new().name(name.to_string());
     thread("fault-in")
-        .spawn(move || way_in.run())
+        .spawn(move || rx_path.run())
         .map_err(failed)?;
     let sender = thread("fault-out")
-        .spawn(move || way_out.run())
+        .spawn(move || tx_path.run())
         .map_err(failed)?;
     Ok(Wire {
         airtime: wire.airtime,
@@ -135,12 +133,12 @@ pub fn wrap(
 /// Towards the emulator.
 struct RxPath {
     from: Inbox,
-    to: Intake,
+    to: InboxSender,
     shared: Arc<Shared>,
 }
 
 impl RxPath {
-    /// Carries packets until the link or the emulator has gone.
+    /// Carries packets until the link or the emulator has closed.
     fn run(self) {
         let shared = &self.shared;
         let mut gone = false;
@@ -148,7 +146,7 @@ impl RxPath {
         while !shared.ended.load(Ordering::Relaxed) && !shared.tally.is_given_up() {
             let wait = {
                 let faults = shared.faults();
-                pause(faults.way_in.next_due(), faults.now())
+                pause(faults.inbound.next_due(), faults.now())
             };
             if gone {
                 std::thread::sleep(wait);
@@ -167,7 +165,7 @@ impl RxPath {
             }
             let mut faults = shared.faults();
             faults.note();
-            if gone && faults.way_in.line().len() == 0 {
+            if gone && faults.inbound.line().len() == 0 {
                 return;
             }
         }
@@ -177,11 +175,11 @@ impl RxPath {
         let mut faults = self.shared.faults();
         let now = faults.start();
         if faults.switch(&inbound.packet, false) {
-            // A command that ends a fault must get through that fault.
+            // A command that ends a fault must pass that fault.
             let _ = self.to.push(inbound);
             return;
         }
-        match faults.way_in.push(inbound, now) {
+        match faults.inbound.push(inbound, now) {
             Pushed::Lost(FaultKind::Overrun) | Pushed::Full => count(&self.shared.tally.dropped),
             Pushed::Taken | Pushed::Lost(_) => {}
         }
@@ -194,43 +192,51 @@ struct TxPath {
     to: Box<dyn Outbox>,
     sender: Option<JoinHandle<()>>,
     shared: Arc<Shared>,
-    /// What the link had no room for.
+    /// A packet for which the link had no room.
     stopped: Option<Outbound>,
 }
 
 impl TxPath {
-    /// Carries packets until the emulator has closed and its queue is empty or given up, or the
+    /// Carries packets until the emulator has closed and its queue is empty or abandoned, or the
     /// link ends.
     fn run(mut self) {
         let shared = self.shared.clone();
         while !shared.tally.is_given_up() && matches!(self.turn(), Ok(true)) {}
-        // What was injected last.
+        // Record the last injections.
         shared.faults().note();
         drop(self.to);
         if let Some(sender) = self.sender.filter(|_| !shared.tally.is_given_up()) {
-            // Its own message reports a panic.
+            // A panic reports itself.
             let _ = sender.join();
         }
-        // Not before: a link without its way in drops what it still has.
+        // Only now: a link without a reader drops its queued packets.
         shared.ended.store(true, Ordering::Relaxed);
     }
 
-    /// Hands on what is due, then waits for more; false at the end.
+    /// Forwards due packets, then waits for more; false at the end.
     fn turn(&mut self) -> Result<bool, LinkError> {
-        self.hand_on()?;
+        self.send_due()?;
         let (wait, has_room, waiting) = {
             let mut faults = self.shared.faults();
             faults.note();
-            let wait = pause(faults.way_out.next_due(), faults.now());
-            (wait, faults.way_out.has_room(), faults.way_out.line().len())
+            let wait = pause(faults.outbound.next_due(), faults.now());
+            (
+                wait,
+                faults.outbound.has_room(),
+                faults.outbound.line().len(),
+            )
         };
-        let wait = if self.stopped.is_some() { BREATH } else { wait };
+        let wait = if self.stopped.is_some() {
+            ROOM_WAIT
+        } else {
+            wait
+        };
         if !has_room {
-            std::thread::sleep(wait.max(BREATH));
+            std::thread::sleep(wait.max(ROOM_WAIT));
             return Ok(true);
         }
         match self.from.recv_timeout(wait) {
-            Ok(what) => self.take(what),
+            Ok(item) => self.take(item),
             Err(RecvTimeoutError::Timeout) => {}
             Err(RecvTimeoutError::Disconnected) if waiting == 0 && self.stopped.is_none() => {
                 return Ok(false);
@@ -240,17 +246,17 @@ impl TxPath {
         Ok(true)
     }
 
-    fn hand_on(&mut self) -> Result<(), LinkError> {
-        while let Some(what) = self
+    fn send_due(&mut self) -> Result<(), LinkError> {
+        while let Some(item) = self
             .stopped
             .take()
             .or_else(|| self.shared.faults().pop_out())
         {
-            let is_packet = what.octets().is_some();
-            let offer = || self.to.offer(what);
+            let is_packet = item.bytes().is_some();
+            let offer = || self.to.offer(item);
             self.stopped = if is_packet {
                 let tx_complete = &self.shared.tally.tx_complete;
-                tx_complete.hand_on(offer, |kept| matches!(kept, Ok(None)))?
+                tx_complete.forward(offer, |rejected| matches!(rejected, Ok(None)))?
             } else {
                 offer()?
             };
@@ -261,36 +267,36 @@ impl TxPath {
         Ok(())
     }
 
-    fn take(&mut self, what: Outbound) {
+    fn take(&mut self, item: Outbound) {
         let tally = &self.shared.tally;
-        let is_packet = what.octets().is_some();
+        let is_packet = item.bytes().is_some();
         let faults = &mut *self.shared.faults();
         let now = faults.start();
-        let before = faults.way_out.line().len();
-        let pushed = if faults.spared.is_spared(faults.personality, what.octets()) {
-            faults.way_out.pass(what, now)
+        let before = faults.outbound.line().len();
+        let pushed = if faults.exempt.is_exempt(faults.personality, item.bytes()) {
+            faults.outbound.pass(item, now)
         } else {
-            faults.way_out.push(what, now)
+            faults.outbound.push(item, now)
         };
         match pushed {
             Pushed::Taken => {
-                for _ in 1..faults.way_out.line().len() - before {
+                for _ in 1..faults.outbound.line().len() - before {
                     tally.queued();
                 }
             }
-            // There was room.
+            // `Full` cannot occur: room was checked.
             Pushed::Full | Pushed::Lost(FaultKind::Down | FaultKind::BusOff) => {
                 count(&tally.lost);
                 tally.done();
             }
-            // The sender does not learn of it.
+            // The sender gets no error.
             Pushed::Lost(_) if is_packet => tally.done(),
             Pushed::Lost(_) => {}
         }
     }
 }
 
-/// How long to wait for something that is due at `due`.
+/// Wait until `due`, at most [`TICK`].
 fn pause(due: Option<Duration>, now: Option<Duration>) -> Duration {
     let wait = due.zip(now).map(|(due, now)| due.saturating_sub(now));
     wait.map_or(TICK, |wait| wait.min(TICK))

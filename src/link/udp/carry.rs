@@ -1,9 +1,9 @@
-//! Both directions of the socket on one thread: arrivals are stamped and passed on while departures
-//! wait.
+//! Both directions of the socket on one thread: received packets are stamped and queued while
+//! outgoing ones wait.
 
 use super::exchange::{Exchange, ExchangeEvent, Permit};
-use super::own::Own;
-use crate::inbox::{Inbound, Intake};
+use super::own::ClientSocket;
+use crate::inbox::{Inbound, InboxSender};
 use crate::outbox::Outbound;
 use crate::pace::Pace;
 use crate::tx_complete::Unsent;
@@ -24,24 +24,24 @@ use tokio::sync::mpsc::Receiver;
 
 /// Burst of a limited link after a late timer, which has a resolution of milliseconds.
 pub(super) const BURST: Duration = Duration::from_millis(5);
-/// Datagrams that are taken in a row.
-const IN_A_ROW: u64 = 16;
-/// Packets that are taken from the queue at a time.
-const TOGETHER: usize = 64;
-/// Datagrams of strangers read in each [`PAUSE`] while a client has its own socket. The rest
-/// overflow the system's buffer, at no cost here.
+/// Datagrams received before the task yields.
+const RECEIVE_BATCH: u64 = 16;
+/// Packets taken from the queue at a time.
+const SEND_BATCH: usize = 64;
+/// Maximum number of strangers' datagrams read per [`PAUSE`] while a client has its own socket. The
+/// rest overflow the system's buffer, at no cost here.
 const STRANGERS: u32 = 64;
 const PAUSE: Duration = Duration::from_millis(50);
-/// Datagrams that may have come before a client got its own socket: more than the system buffers.
-const BEFORE: u32 = 1024;
-/// How often it is looked whether a Challenge is due.
-const LOOK: Duration = Duration::from_millis(100);
+/// Datagrams possibly received before a client got its own socket: more than the system buffers.
+const MAX_BEFORE: u32 = 1024;
+/// Interval of checks for a due Challenge.
+const CHECK_INTERVAL: Duration = Duration::from_millis(100);
 
-/// Carries packets until the emulator drops its end; `limit` octets a second leave at most.
+/// Carries packets until the emulator closes its end; `limit` is the maximum rate, bytes/s.
 pub(super) async fn carry(
     socket: SystemSocket,
     datagrams: Datagrams,
-    arrivals: Intake,
+    arrivals: InboxSender,
     departures: Receiver<Outbound>,
     exchange: Exchange,
     limit: Option<f64>,
@@ -50,59 +50,62 @@ pub(super) async fn carry(
         sending: socket.try_clone()?,
         socket: UdpSocket::from_std(socket)?,
         exchange: RefCell::new(exchange),
-        own: RefCell::default(),
+        client_socket: RefCell::default(),
         changed: Notify::new(),
     };
-    let way_out = TxPath {
+    let tx_path = TxPath {
         shared,
         burst: Burst::default(),
     };
     tokio::select! {
         () = receive(shared, datagrams, arrivals) => {}
-        () = send(way_out, departures, limit) => {}
+        () = send(tx_path, departures, limit) => {}
         () = prove(shared) => {}
     }
     Ok(())
 }
 
-/// What both ways use.
 struct Shared {
-    /// Where everybody's datagrams come, but those of a client that has a socket of its own.
+    /// Receives all datagrams except those of a client with its own socket.
     socket: UdpSocket,
-    /// The same socket, as calls take it that send several datagrams.
+    /// The same socket, for calls that send several datagrams.
     sending: SystemSocket,
     exchange: RefCell<Exchange>,
     /// The client's own socket.
-    own: RefCell<Option<Rc<Own>>>,
-    /// Another client has come, or this one has proved its address or has gone.
+    client_socket: RefCell<Option<Rc<ClientSocket>>>,
+    /// Signals a new client, a proof of address, or a client that has gone.
     changed: Notify,
 }
 
 impl Shared {
-    fn own(&self) -> Option<Rc<Own>> {
-        self.own.borrow().clone()
+    fn client_socket(&self) -> Option<Rc<ClientSocket>> {
+        self.client_socket.borrow().clone()
     }
 
-    /// Nobody listens at the address of a client's own socket.
-    fn end(&self, own: &Own) {
-        self.exchange.borrow_mut().end(own.peer);
-        let mut present = self.own.borrow_mut();
-        present.take_if(|one| std::ptr::eq(&**one, own));
+    /// Ends the exchange: the client's address refuses datagrams.
+    fn end(&self, client_socket: &ClientSocket) {
+        self.exchange.borrow_mut().end(client_socket.peer);
+        let mut present = self.client_socket.borrow_mut();
+        present.take_if(|one| std::ptr::eq(&**one, client_socket));
         self.changed.notify_waiters();
     }
 
-    /// Gives an established client its own socket, and closes that of a client that lost the
-    /// exchange; whether there is a new one.
+    /// Opens a socket for an established client, and closes that of a client that lost the
+    /// exchange. Returns whether there is a new one.
     fn settle(&self, datagrams: &Datagrams, now: Instant) -> bool {
         let (address, established) = {
             let exchange = self.exchange.borrow();
             (exchange.address(), exchange.established(now))
         };
-        let peer = self.own.borrow().as_ref().map(|own| own.peer);
+        let peer = self
+            .client_socket
+            .borrow()
+            .as_ref()
+            .map(|client_socket| client_socket.peer);
         if peer.is_some() && peer != address {
-            // What the last client sent meanwhile is a stranger's.
-            if let Some(own) = self.own.take() {
-                let left = own.leftover();
+            // Unread datagrams of the former client count as foreign.
+            if let Some(client_socket) = self.client_socket.take() {
+                let left = client_socket.drain();
                 let tally = &self.exchange.borrow().tally;
                 tally.foreign.fetch_add(left, Ordering::Relaxed);
             }
@@ -110,10 +113,10 @@ impl Shared {
         let Some(peer) = established.filter(|established| peer != Some(*established)) else {
             return false;
         };
-        // Where the system gives none the common socket does.
-        match Own::of(datagrams, peer) {
-            Ok(own) => {
-                self.own.replace(Some(Rc::new(own)));
+        // Without a socket of its own the client uses the common one.
+        match ClientSocket::of(datagrams, peer) {
+            Ok(client_socket) => {
+                self.client_socket.replace(Some(Rc::new(client_socket)));
                 true
             }
             Err(error) => {
@@ -123,48 +126,48 @@ impl Shared {
         }
     }
 
-    /// Sends a Challenge, if it is time.
+    /// Sends a Challenge, if one is due.
     fn challenge(&self, now: Instant) {
         let due = self.exchange.borrow_mut().challenge(now);
         if let Some((to, packet)) = due {
-            // One that is lost is sent again.
+            // A lost Challenge is repeated.
             let _ = self.sending.send_to(&packet, to);
         }
     }
 }
 
-/// Repeats Challenges, without end.
+/// Sends due Challenges forever.
 async fn prove(shared: &Shared) {
     loop {
-        tokio::time::sleep(LOOK).await;
+        tokio::time::sleep(CHECK_INTERVAL).await;
         shared.challenge(Instant::now());
     }
 }
 
-/// Where a datagram was read.
+/// The socket of a datagram.
 #[derive(Clone, Copy, PartialEq)]
 enum Origin {
-    /// On the common socket.
+    /// The common socket.
     All,
-    /// There, while a client has its own: it is a stranger's.
+    /// The common socket while a client has its own: the sender is a stranger.
     Strangers,
-    /// On the client's own socket.
-    Own,
+    /// The client's own socket.
+    ClientSocket,
 }
 
-/// What comes on both sockets.
+/// Reads both sockets.
 struct Reader {
     datagrams: Datagrams,
-    /// Longer than any packet: a longer datagram is refused for its length.
+    /// Longer than any packet: longer datagrams are refused by their length.
     buffer: Vec<u8>,
-    own_buffer: Vec<u8>,
+    client_buffer: Vec<u8>,
     strangers: Strangers,
-    /// How many may have come before a client got its own socket.
+    /// Number of datagrams possibly received before a client got its own socket.
     before: u32,
 }
 
 impl Reader {
-    /// The next datagram; none where there is none, and it is to be looked for again.
+    /// The next datagram; `None`: call again.
     async fn next(&mut self, shared: &Shared) -> Option<(Datagram, Origin)> {
         if self.before > 0 {
             self.before -= 1;
@@ -174,17 +177,18 @@ impl Reader {
             }
             return received.map(|datagram| (datagram, Origin::All));
         }
-        let own = shared.own();
-        let is_guarded = own.is_some() && shared.exchange.borrow().is_held(Instant::now());
+        let client_socket = shared.client_socket();
+        let is_guarded =
+            client_socket.is_some() && shared.exchange.borrow().is_held(Instant::now());
         let (datagrams, buffer) = (&mut self.datagrams, &mut self.buffer);
-        let (own_buffer, strangers) = (&mut self.own_buffer, &mut self.strangers);
-        let of_own = async {
-            match &own {
-                Some(own) => own.receive(own_buffer).await,
+        let (client_buffer, strangers) = (&mut self.client_buffer, &mut self.strangers);
+        let from_client = async {
+            match &client_socket {
+                Some(client_socket) => client_socket.receive(client_buffer).await,
                 None => pending().await,
             }
         };
-        let of_all = async {
+        let from_all = async {
             if is_guarded {
                 strangers.wait().await;
             }
@@ -193,48 +197,48 @@ impl Reader {
         };
         let (received, origin) = tokio::select! {
             biased;
-            received = of_own => (received, Origin::Own),
-            received = of_all => (received, if is_guarded { Origin::Strangers } else { Origin::All }),
+            received = from_client => (received, Origin::ClientSocket),
+            received = from_all => (received, if is_guarded { Origin::Strangers } else { Origin::All }),
         };
-        match (received, own) {
+        match (received, client_socket) {
             (Ok(datagram), _) => {
                 if origin == Origin::Strangers {
-                    self.strangers.took();
+                    self.strangers.count();
                 }
                 Some((datagram, origin))
             }
-            (Err(error), Some(own)) if origin == Origin::Own => {
+            (Err(error), Some(client_socket)) if origin == Origin::ClientSocket => {
                 if error.kind() == io::ErrorKind::ConnectionRefused {
-                    shared.end(&own);
+                    shared.end(&client_socket);
                 }
                 None
             }
-            // An error here answers an earlier datagram to a client that has gone.
+            // An earlier datagram to a closed client caused this error.
             (Err(_), _) => None,
         }
     }
 
     fn packet(&self, datagram: &Datagram, origin: Origin) -> &[u8] {
         let buffer = match origin {
-            Origin::Own => &self.own_buffer,
+            Origin::ClientSocket => &self.client_buffer,
             Origin::All | Origin::Strangers => &self.buffer,
         };
         buffer.get(..datagram.length).unwrap_or_default()
     }
 }
 
-/// Hands on what comes from the exchange's client, until nobody takes it.
-async fn receive(shared: &Shared, datagrams: Datagrams, arrivals: Intake) {
+/// Queues the packets of the exchange's client until the emulator closes its end.
+async fn receive(shared: &Shared, datagrams: Datagrams, arrivals: InboxSender) {
     let mut reader = Reader {
         datagrams,
         buffer: vec![0; 1 << 16],
-        own_buffer: vec![0; 1 << 16],
+        client_buffer: vec![0; 1 << 16],
         strangers: Strangers::default(),
         before: 0,
     };
     for number in 1_u64.. {
-        // What leaves is not to wait for a flood's end.
-        if number.is_multiple_of(IN_A_ROW) {
+        // Outgoing packets must not wait for the end of a flood.
+        if number.is_multiple_of(RECEIVE_BATCH) {
             tokio::task::yield_now().await;
         }
         let Some((datagram, origin)) = reader.next(shared).await else {
@@ -242,19 +246,19 @@ async fn receive(shared: &Shared, datagrams: Datagrams, arrivals: Intake) {
         };
         let packet = reader.packet(&datagram, origin);
         let is_stranger = origin == Origin::Strangers;
-        if !hand_on(shared, &arrivals, datagram, packet, is_stranger) {
+        if !handle_datagram(shared, &arrivals, datagram, packet, is_stranger) {
             return;
         }
         if shared.settle(&reader.datagrams, Instant::now()) {
-            reader.before = BEFORE;
+            reader.before = MAX_BEFORE;
         }
     }
 }
 
-/// Takes a datagram; `is_stranger`: from the common socket. False when the emulator has closed.
-fn hand_on(
+/// Handles a datagram; false when the emulator has closed its end.
+fn handle_datagram(
     shared: &Shared,
-    arrivals: &Intake,
+    arrivals: &InboxSender,
     datagram: Datagram,
     packet: &[u8],
     is_stranger: bool,
@@ -270,9 +274,9 @@ fn hand_on(
     };
     counter.fetch_add(lost, Ordering::Relaxed);
     let number = exchange.number;
-    let heard = exchange.receive(from, packet, arrived);
+    let event = exchange.receive(from, packet, arrived);
     let is_new = exchange.number != number;
-    let taken = match heard {
+    let taken = match event {
         ExchangeEvent::Stranger => {
             exchange.ignore(from, arrived);
             true
@@ -283,14 +287,14 @@ fn hand_on(
             .is_ok(),
     };
     drop(exchange);
-    if heard == ExchangeEvent::Proof || is_new {
+    if event == ExchangeEvent::Proof || is_new {
         shared.changed.notify_waiters();
     }
     shared.challenge(arrived);
     taken
 }
 
-/// How many datagrams of strangers are read: [`STRANGERS`] in each [`PAUSE`].
+/// Limits strangers' datagrams to [`STRANGERS`] per [`PAUSE`].
 #[derive(Default)]
 struct Strangers {
     read: u32,
@@ -308,7 +312,7 @@ impl Strangers {
         }
     }
 
-    fn took(&mut self) {
+    fn count(&mut self) {
         if self.read == 0 {
             self.since = Some(Instant::now());
         }
@@ -316,13 +320,13 @@ impl Strangers {
     }
 }
 
-/// Sends what is queued, until nothing can come any more.
+/// Sends queued packets until the emulator closes its end.
 async fn send(mut out: TxPath<'_>, mut departures: Receiver<Outbound>, limit: Option<f64>) {
     let mut pace = limit.map(|bytes_per_s| Pace::new(bytes_per_s, BURST));
-    // Where a limit says when the next may leave, they go one by one.
-    let most = if pace.is_some() { 1 } else { TOGETHER };
-    let mut taken = Vec::with_capacity(most);
-    while departures.recv_many(&mut taken, most).await > 0 {
+    // With a limit, packets are paced one by one.
+    let max = if pace.is_some() { 1 } else { SEND_BATCH };
+    let mut taken = Vec::with_capacity(max);
+    while departures.recv_many(&mut taken, max).await > 0 {
         let (mut batch, mut bytes) = (Batch::default(), 0);
         for departure in taken.drain(..) {
             match departure {
@@ -350,9 +354,9 @@ async fn send(mut out: TxPath<'_>, mut departures: Receiver<Outbound>, limit: Op
         let free = pace.as_mut().filter(|_| bytes > 0);
         match free.map(|pace| pace.pass(bytes, now)) {
             Some(free) if free > now => tokio::time::sleep_until(free.into()).await,
-            // A line that is behind its time catches up.
+            // A late line catches up.
             Some(_) => {}
-            // What has come meanwhile is not to wait for all that is queued.
+            // Received datagrams must not wait for the whole queue.
             None => tokio::task::yield_now().await,
         }
     }
@@ -372,14 +376,13 @@ struct TxPath<'a> {
 }
 
 impl TxPath<'_> {
-    /// Sends packets whose exchange still stands; refused ones are lost, and counted. Returns the
-    /// bytes sent.
+    /// Sends packets of a current exchange; refused ones count as lost. Returns the bytes sent.
     async fn send(&mut self, batch: &mut Batch) -> usize {
         let tally = self.shared.exchange.borrow().tally.clone();
         let (mut at, mut bytes) = (0, 0);
         while let Some(rest) = batch.packets.get(at..).filter(|rest| !rest.is_empty()) {
             let sent = match self.permit(batch.exchange, rest).await {
-                Ok((rest, to)) => self.hand_over(rest, to).await,
+                Ok((rest, to)) => self.send_now(rest, to).await,
                 Err(why) => Err(why),
             };
             let gone = rest.iter().take(sent.unwrap_or(1).max(1));
@@ -399,8 +402,8 @@ impl TxPath<'_> {
         bytes
     }
 
-    /// Waits until packets of an exchange may leave: those and their address, or why the first
-    /// never may.
+    /// Waits until packets of an exchange may leave; returns them and their address. Errors: why
+    /// the first one never may.
     async fn permit<'p>(
         &self,
         exchange: u32,
@@ -423,25 +426,28 @@ impl TxPath<'_> {
                     return Err(Unsent::NotProved);
                 }
                 Permit::Never => return Err(Unsent::ClientGone),
-                // More of what it sends allows more, too.
-                Permit::Wait => drop(tokio::time::timeout(LOOK, changed).await),
+                // Further packets of the client also raise its limit.
+                Permit::Wait => drop(tokio::time::timeout(CHECK_INTERVAL, changed).await),
             }
         }
     }
 
-    /// Hands the first of `packets` to the system; how many it took, or why it refuses the first.
-    async fn hand_over(&mut self, packets: &[Bytes], to: SocketAddr) -> Result<usize, Unsent> {
-        let own = self.shared.own().filter(|own| own.peer == to);
-        let (socket, sending) = match &own {
-            Some(own) => (&own.socket, &own.sending),
+    /// Passes `packets` to the system; returns the number sent. Errors: why it refused the first.
+    async fn send_now(&mut self, packets: &[Bytes], to: SocketAddr) -> Result<usize, Unsent> {
+        let client_socket = self
+            .shared
+            .client_socket()
+            .filter(|client_socket| client_socket.peer == to);
+        let (socket, sending) = match &client_socket {
+            Some(client_socket) => (&client_socket.socket, &client_socket.sending),
             None => (&self.shared.socket, &self.shared.sending),
         };
         let burst = &mut self.burst;
         let send = || burst.send(sending, packets, to);
         let sent = socket.async_io(Interest::WRITABLE, send).await;
-        sent.map_err(|error| match (error.kind(), &own) {
-            (io::ErrorKind::ConnectionRefused, Some(own)) => {
-                self.shared.end(own);
+        sent.map_err(|error| match (error.kind(), &client_socket) {
+            (io::ErrorKind::ConnectionRefused, Some(client_socket)) => {
+                self.shared.end(client_socket);
                 Unsent::ClientGone
             }
             _ => Unsent::Failed,

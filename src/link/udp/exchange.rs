@@ -8,17 +8,17 @@ use std::net::SocketAddr;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// How long a client without proof keeps others out that have none either.
+/// Time for which a client without proof of address excludes others without proof.
 const GRACE: Duration = Duration::from_secs(1);
 
-/// Who the emulator talks with.
+/// The exchange with the present client.
 pub(super) struct Exchange {
     pub number: u32,
     client: Option<Client>,
     prover: Prover,
-    /// A Challenge for an address that is not the client's. It leaves before any other.
+    /// A Challenge for another address than the client's. It is sent before any other.
     for_other: Option<(SocketAddr, Vec<u8>)>,
-    /// Messages about strangers.
+    /// Rate limit of messages about strangers.
     strangers: Every,
     options: Options,
     pub tally: Arc<Tally>,
@@ -26,42 +26,42 @@ pub(super) struct Exchange {
 
 struct Client {
     address: SocketAddr,
-    /// Whether it has sent a valid packet. Without, any packet of another address takes its place.
+    /// Whether it has sent a valid packet. Before that, any packet of another address replaces it.
     is_valid: bool,
     /// Whether it has sent Reset and nothing valid since: any valid packet replaces it.
     released: bool,
     opened: Instant,
-    /// When it sent a packet last. Challenges that it returned do not count.
-    heard: Instant,
+    /// When it last sent a packet. Returned Challenges do not count.
+    received_at: Instant,
     proof: Proof,
 }
 
-/// What a datagram is.
+/// Meaning of a datagram.
 #[derive(Debug, PartialEq)]
 pub(super) enum ExchangeEvent {
     /// A packet of this exchange.
     Packet(u32),
-    /// A Challenge that was returned.
+    /// A returned Challenge.
     Proof,
-    /// A packet of somebody else.
+    /// A packet of another sender.
     Stranger,
 }
 
 /// Whether a packet may leave.
 #[derive(Debug, PartialEq)]
 pub(super) enum Permit {
-    /// It and all behind it, to this address.
+    /// It and all following packets, to this address.
     All(SocketAddr),
-    /// It alone: the address is not proved.
+    /// Only this packet: the address is not proved.
     One(SocketAddr),
-    /// Not before the address is proved.
+    /// Not before the client has sent more or proved its address.
     Wait,
-    /// Its client has gone, or it must not leave without proof.
+    /// No: its client has gone, or it requires a proof.
     Never,
 }
 
 impl Exchange {
-    /// Nobody yet. `proves`: addresses are to be proved.
+    /// No client yet. `proves`: clients must prove their addresses.
     pub fn new(options: Options, tally: Arc<Tally>, proves: bool) -> Exchange {
         Exchange {
             number: 0,
@@ -74,19 +74,19 @@ impl Exchange {
         }
     }
 
-    /// Takes a datagram; opens a new exchange if it may. The sender of a returned Challenge only
-    /// replaces a client that has proved nothing.
+    /// Handles a datagram, which may open a new exchange. The sender of a returned Challenge only
+    /// replaces a client without proof.
     pub fn receive(&mut self, from: SocketAddr, packet: &[u8], now: Instant) -> ExchangeEvent {
         let returned = self.prover.returned(from, packet, now);
         let valid = returned.is_some() || (self.options.personality.decode_command)(packet).is_ok();
         match &self.client {
             Some(client) if client.address == from => {}
             Some(client) if returned == Some(Party::Other) && !self.is_proved(client, now) => {
-                // No packet of the new client says so yet.
+                // No packet of the new client reports the change yet.
                 self.tally.end(self.number);
                 self.open(from, now);
             }
-            // It may be late, of an exchange that has ended.
+            // A late Challenge may belong to an ended exchange.
             _ if returned.is_some() => return ExchangeEvent::Stranger,
             Some(client) if !self.yields(client, valid, now) => {
                 if valid && !self.is_proved(client, now) {
@@ -107,11 +107,11 @@ impl Exchange {
             self.tally.await_proof(false);
             return ExchangeEvent::Proof;
         }
-        client.heard = now;
+        client.received_at = now;
         if valid {
             (client.is_valid, client.released) = (true, false);
         }
-        // A proof may have lapsed since the last packet.
+        // The proof may have lapsed since the last packet.
         let holds = self.prover.holds(&client.proof, now);
         if !holds {
             client.proof.received(from, packet.len());
@@ -124,26 +124,31 @@ impl Exchange {
         self.prover.holds(&client.proof, now)
     }
 
-    /// Whether a packet of another address, `valid` or not, takes the client's place.
+    /// Whether a packet of another address, `valid` or not, replaces the client.
     fn yields(&self, client: &Client, valid: bool, now: Instant) -> bool {
-        // One that is not valid never does: after a Reset the client may go on taking frames.
+        // An invalid one does not replace a valid client: after a Reset it may still take frames.
         !client.is_valid || (valid && (client.released || !self.stands(client, now)))
     }
 
-    /// Whether a client that has sent a valid packet, and no Reset since, keeps others out.
+    /// Whether a client with a valid packet and no Reset since excludes others.
     fn stands(&self, client: &Client, now: Instant) -> bool {
         let within = |since, limit| now.saturating_duration_since(since) < limit;
         let idle = self.options.idle;
         if self.is_proved(client, now) {
             let returned = client.proof.returned_at();
-            within(returned.unwrap_or(client.heard).max(client.heard), idle)
+            within(
+                returned
+                    .unwrap_or(client.received_at)
+                    .max(client.received_at),
+                idle,
+            )
         } else {
             within(client.opened, GRACE.min(idle))
         }
     }
 
     fn open(&mut self, from: SocketAddr, now: Instant) {
-        // 0 is no exchange's number.
+        // 0 is not a valid number.
         self.number = self.number.wrapping_add(1).max(1);
         self.tally.await_proof(self.prover.is_on());
         self.client = Some(Client {
@@ -151,7 +156,7 @@ impl Exchange {
             is_valid: false,
             released: false,
             opened: now,
-            heard: now,
+            received_at: now,
             proof: Proof::default(),
         });
     }
@@ -168,13 +173,13 @@ impl Exchange {
         self.client.as_ref().map(|client| client.address)
     }
 
-    /// Whether a client keeps others out now.
+    /// Whether the client excludes others now.
     pub fn is_held(&self, now: Instant) -> bool {
         let client = self.client.as_ref();
         client.is_some_and(|client| !self.yields(client, true, now))
     }
 
-    /// Counts a packet of a stranger; logs the reason from time to time.
+    /// Counts a packet of a stranger; logs the reason at intervals.
     pub fn ignore(&mut self, from: SocketAddr, now: Instant) {
         count(&self.tally.foreign);
         if let Some(client) = &self.client
@@ -200,7 +205,7 @@ impl Exchange {
         }
     }
 
-    /// Whether exchange `number` is this one, and its client is there.
+    /// Whether `number` is the present exchange with a client.
     pub fn stands_as(&self, number: u32) -> bool {
         number == self.number && self.client.is_some()
     }
@@ -227,7 +232,7 @@ impl Exchange {
         permit
     }
 
-    /// The next Challenge and its address, if it is time for one.
+    /// The next due Challenge and its address.
     pub fn challenge(&mut self, now: Instant) -> Option<(SocketAddr, Vec<u8>)> {
         if let Some(for_other) = self.for_other.take() {
             return Some(for_other);
@@ -240,7 +245,7 @@ impl Exchange {
         Some((address, packet))
     }
 
-    /// Nobody listens at the client's address any more: its exchange ends.
+    /// Ends the exchange of a client whose address refuses datagrams.
     pub fn end(&mut self, address: SocketAddr) {
         let Some(client) = self.client.take_if(|client| client.address == address) else {
             return;
@@ -249,7 +254,7 @@ impl Exchange {
         self.tally.await_proof(false);
         if client.is_valid && !client.released {
             tracing::warn!(
-                "{address} has closed its socket without a Reset: its exchange has ended, what waits for it is lost"
+                "{address} has closed its socket without a Reset: its exchange has ended, waiting packets are lost"
             );
         }
     }
@@ -257,7 +262,7 @@ impl Exchange {
     pub fn release(&mut self, number: u32, requested: Instant) {
         if let Some(client) = &mut self.client
             && number == self.number
-            && client.heard <= requested
+            && client.received_at <= requested
         {
             client.released = true;
         }
@@ -275,7 +280,7 @@ mod tests {
         SocketAddr::from(([127, 0, 0, 1], port))
     }
 
-    /// An exchange, and a valid packet and one that is not. Times are ms since `begun`.
+    /// An exchange with a valid and an invalid packet. Times are ms since `begun`.
     struct Rig {
         exchange: Exchange,
         begun: Instant,
@@ -306,12 +311,12 @@ mod tests {
             self.exchange.receive(at(port), packet, now)
         }
 
-        /// Hears a valid packet.
+        /// Receives a valid packet.
         fn good(&mut self, port: u16, ms: u64) -> ExchangeEvent {
             self.receive(port, &self.good.clone(), ms)
         }
 
-        /// Hears one that is not.
+        /// Receives an invalid packet.
         fn bad(&mut self, port: u16, ms: u64) -> ExchangeEvent {
             self.receive(port, &self.bad.clone(), ms)
         }
@@ -321,7 +326,7 @@ mod tests {
             self.exchange.permit(number, packet, now)
         }
 
-        /// The port that gets a Challenge, and that.
+        /// The next Challenge and its port.
         fn challenge(&mut self, ms: u64) -> Option<(u16, Vec<u8>)> {
             let (to, packet) = self.exchange.challenge(self.ms(ms))?;
             Some((to.port(), packet))
@@ -333,7 +338,7 @@ mod tests {
         }
     }
 
-    /// Zeros behind the packet's APID (ICD, section 2): version 0, with a secondary header.
+    /// Zeros after the APID (ICD, section 2): version 0, with a secondary header.
     fn of_apid(apid: u16, length: usize) -> Vec<u8> {
         let mut packet = vec![0; length];
         packet[..2].copy_from_slice(&(0x800 | apid).to_be_bytes());
@@ -341,11 +346,11 @@ mod tests {
     }
 
     #[test]
-    fn an_exchange_stands_until_it_is_idle_or_released() {
+    fn exchange_lasts_until_it_is_idle_or_released() {
         let mut rig = Rig::new(40, false);
         assert_eq!(rig.bad(1, 0), Packet(1));
         assert_eq!(rig.bad(2, 0), Packet(2));
-        // A good one makes it stand, until it is idle.
+        // A valid packet establishes it until it is idle.
         assert_eq!(rig.good(2, 0), Packet(2));
         assert_eq!(rig.good(1, 39), Stranger);
         assert_eq!(rig.bad(2, 39), Packet(2));
@@ -354,21 +359,21 @@ mod tests {
         assert_eq!(rig.good(1, 79), Packet(3));
         assert_eq!(rig.permit(2, b"-", 80), Permit::Never);
         assert_eq!(rig.permit(3, b"-", 80), Permit::All(at(1)));
-        // Another's release is none, nor one that its client has gone on from.
+        // A release of another exchange is ignored, and one before a later packet of the client.
         rig.release(2, 80);
         assert_eq!(rig.good(2, 80), Stranger);
         assert_eq!(rig.good(1, 81), Packet(3));
         rig.release(3, 80);
         assert_eq!(rig.good(2, 82), Stranger);
         rig.release(3, 81);
-        // What is no valid packet takes no client's place.
+        // An invalid packet replaces no client.
         assert_eq!(rig.bad(2, 82), Stranger);
         assert_eq!(rig.receive(2, b"junk", 9000), Stranger);
         assert_eq!(rig.good(3, 9000), Packet(4));
     }
 
     #[test]
-    fn a_client_without_proof_gets_little_and_keeps_nobody_out_for_long() {
+    fn client_without_proof_gets_little_and_is_soon_replaced() {
         let mut rig = Rig::new(5000, true);
         assert_eq!(rig.good(1, 0), Packet(1));
         let [answer, long_answer] = [21, 264].map(|length| of_apid(apid::ACK, length));
@@ -382,19 +387,19 @@ mod tests {
         assert_eq!(rig.exchange.tally.unproved(), 1);
         assert!(rig.exchange.tally.awaits_proof());
         assert_eq!(rig.good(2, 999), Stranger);
-        // What another returns proves nothing of the client.
+        // A Challenge returned by another address does not prove the client's.
         assert_eq!(rig.receive(2, &challenge, 999), Stranger);
         assert_eq!(rig.receive(1, &challenge, 999), Returned);
         assert!(!rig.exchange.tally.awaits_proof());
         assert_eq!(rig.permit(1, &of_frame, 999), Permit::All(at(1)));
         assert_eq!(rig.exchange.established(rig.ms(999)), Some(at(1)));
-        // Its packets go on, which anybody can forge, and no Challenge comes back.
+        // Its packets continue, which can be forged, and no Challenge is returned.
         for when in [2000, 4000, 5900] {
             assert_eq!(rig.good(1, when), Packet(1));
             assert_eq!(rig.good(2, when), Stranger);
         }
         assert_eq!(rig.permit(1, &of_frame, 5998), Permit::All(at(1)));
-        // Bytes sent with proof do not pay now: the queue is dropped until more comes.
+        // Bytes sent with proof no longer count: the queue is dropped until more arrives.
         assert_eq!(rig.permit(1, &of_frame, 5999), Permit::Never);
         assert_eq!(rig.permit(1, &answer, 5999), Permit::Never);
         assert_eq!(rig.exchange.tally.unproved(), 2);
@@ -404,20 +409,20 @@ mod tests {
         assert_eq!(rig.permit(1, &answer, 5999), Permit::One(at(1)));
         assert_eq!(rig.permit(1, &long_answer, 5999), Permit::Wait);
         assert_eq!(rig.good(2, 5999), Packet(2));
-        // Without proof that one is out after 1 s, and what proves the next comes first.
+        // Without proof that client is replaced after 1 s.
         assert_eq!(rig.good(3, 6998), Stranger);
         assert_eq!(rig.good(3, 6999), Packet(3));
     }
 
-    /// Forged packets of other addresses delay a client by no more than one returned Challenge.
+    /// Forged packets of other addresses delay a client by at most one returned Challenge.
     #[test]
-    fn an_address_that_returns_its_challenge_takes_the_place_of_one_that_has_proved_nothing() {
+    fn proved_address_replaces_an_unproved_one() {
         // Whether the client of the exchange returns its own Challenge first.
         for is_proved in [false, true] {
             let mut rig = Rig::new(5000, true);
             assert_eq!(rig.good(1, 0), Packet(1));
             let (_, own) = rig.challenge(0).unwrap();
-            // What is no valid packet is not answered.
+            // An invalid packet gets no Challenge.
             assert_eq!(rig.bad(2, 10), Stranger);
             assert_eq!(rig.challenge(10), None);
             assert_eq!(rig.good(2, 10), Stranger);
@@ -430,12 +435,12 @@ mod tests {
             if is_proved {
                 assert_eq!(rig.receive(1, &own, 30), Returned);
             }
-            let heard = rig.receive(2, &challenge, 40);
-            assert_eq!(heard == Stranger, is_proved);
+            let event = rig.receive(2, &challenge, 40);
+            assert_eq!(event == Stranger, is_proved);
             let client = if is_proved { 1 } else { 2 };
             assert_eq!(rig.exchange.established(rig.ms(40)), Some(at(client)));
             assert_eq!(rig.exchange.tally.has_ended(1), !is_proved);
-            // From now on others are not answered.
+            // From now on others get no Challenge.
             while rig.challenge(40).is_some() {}
             assert_eq!(rig.good(3, 50), Stranger);
             assert_eq!(rig.challenge(50), None);
@@ -443,11 +448,10 @@ mod tests {
         }
     }
 
-    /// A client that sends Reset first, and then takes frames only (ICD, section 5.1).
+    /// A client that sends Reset first, and then only takes frames (ICD, section 5.1).
     #[test]
-    fn a_client_that_takes_frames_after_its_reset_goes_on_until_a_valid_packet_of_another() {
-        // When the Challenge comes back; the Reset is handled at 10 ms. None: no proof of
-        // addresses.
+    fn client_gets_frames_after_its_reset_until_a_valid_packet_of_another() {
+        // Time of the returned Challenge; the Reset is handled at 10 ms. `None`: no proof required.
         for returned in [Some(5), Some(20), None] {
             let mut rig = Rig::new(5000, returned.is_some());
             rig.good(1, 0);
@@ -471,7 +475,7 @@ mod tests {
     }
 
     #[test]
-    fn a_challenge_that_comes_back_late_opens_no_exchange_and_keeps_none() {
+    fn late_challenge_neither_opens_nor_extends_an_exchange() {
         let mut rig = Rig::new(5000, true);
         assert_eq!(rig.good(1, 0), Packet(1));
         let (_, challenge) = rig.challenge(0).unwrap();
@@ -485,7 +489,7 @@ mod tests {
     }
 
     #[test]
-    fn a_client_that_has_gone_leaves_the_place_free() {
+    fn closed_client_is_replaced() {
         let mut rig = Rig::new(5000, false);
         assert_eq!(rig.good(1, 0), Packet(1));
         rig.exchange.end(at(2));

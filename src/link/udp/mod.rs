@@ -1,4 +1,5 @@
-//! UDP: one packet a datagram, answers to the current client only. One thread with its own runtime.
+//! UDP: one packet per datagram, answers only to the present client. One thread with its own
+//! runtime.
 
 mod carry;
 mod exchange;
@@ -38,7 +39,7 @@ fn open(url: &Address, options: &Options) -> Result<Wire, OpenError> {
     Ok(listen(url, address, options)?.0)
 }
 
-/// Any free port of this machine alone.
+/// Any free port on the loopback interface.
 const ANY: SocketAddr = SocketAddr::new(IpAddr::V4(Ipv4Addr::LOCALHOST), 0);
 
 fn loopback(url: &Address, options: &Options) -> Result<BothEnds, OpenError> {
@@ -48,16 +49,16 @@ fn loopback(url: &Address, options: &Options) -> Result<BothEnds, OpenError> {
     Ok((wire, Box::new(port)))
 }
 
-/// Mbit/s that a limit may be.
+/// Range of a rate limit, Mbit/s.
 const RATES_MBIT: std::ops::RangeInclusive<f64> = 0.01..=100_000.0;
 
-/// The limit of a URL, in octets of packets (UDP, IP and Ethernet add 66 to each) a second.
+/// The rate limit of a URL, bytes/s of packets. UDP, IP and Ethernet add 66 bytes to each.
 fn limit(url: &Address) -> Result<Option<f64>, String> {
     let rate = url.decimal_in("rate_mbit", RATES_MBIT)?;
     Ok(rate.map(|mbit| mbit * 1e6 / 8.0))
 }
 
-/// Whether clients of a URL are to prove their addresses.
+/// Whether clients must prove their addresses.
 fn proves(url: &Address) -> Result<bool, String> {
     match url.value("proof") {
         None | Some("on") => Ok(true),
@@ -79,7 +80,7 @@ fn listen(
     Ok((start(url, options, socket, datagrams, local)?, local))
 }
 
-/// A socket that receives from now on, and its address.
+/// A receiving socket and its address.
 fn bind(
     url: &Address,
     address: SocketAddr,
@@ -100,7 +101,7 @@ fn bind(
     Ok((socket, datagrams, local))
 }
 
-/// Carries what comes to the socket `local`, and what leaves it.
+/// Starts the link of a socket with address `local`.
 fn start(
     url: &Address,
     options: &Options,
@@ -153,7 +154,7 @@ mod tests {
     use skyloop_protocols::Counters;
     use std::time::Instant;
 
-    /// Bytes/s that a client gets of numbered packets worth a second; lost ones count as sent.
+    /// Rate in bytes/s at the client for packets of one second; lost ones count as sent.
     fn delivered(mbit: f64) -> f64 {
         const BYTES: usize = 1250;
         let url = Address::parse(&format!("udp://127.0.0.1:0?rate_mbit={mbit}&proof=off")).unwrap();
@@ -177,7 +178,7 @@ mod tests {
                     waiting = wire.outbox.offer(packet);
                 }
             }
-            // Whoever listens must not wait for a last packet that was lost.
+            // The receiver must not wait for a lost last packet.
             wire.close(Standstill::of(&wire.tally, TIMEOUT));
         });
         client
@@ -190,10 +191,10 @@ mod tests {
             arrivals.push((f64::from(number) * BYTES as f64, Instant::now()));
         }
         sender.join().unwrap();
-        // Never more than the rate allows since it began, and what a late timer may catch up.
+        // Never faster than the rate, apart from the burst after a late timer.
         for (bytes, at) in &arrivals {
-            let most = mbit * 1e6 / 8.0 * (*at - began + BURST).as_secs_f64();
-            assert!(*bytes <= most, "{bytes} of {most}");
+            let max = mbit * 1e6 / 8.0 * (*at - began + BURST).as_secs_f64();
+            assert!(*bytes <= max, "{bytes} of {max}");
         }
         let ((from, begin), (to, end)) = (arrivals[0], arrivals[arrivals.len() - 1]);
         (to - from) / (end - begin).as_secs_f64()
@@ -205,28 +206,28 @@ mod tests {
         for mbit in [1.0, 10.0, 100.0] {
             let nominal = mbit * 1e6 / 8.0;
             let close = |rate: &f64| (rate / nominal - 1.0).abs() <= 0.02;
-            // A busy machine may delay the timer: the best of many counts.
+            // Other load of the machine may delay the timer: the best of many runs counts.
             let mut rates = Vec::new();
             while rates.len() < 25 && !rates.last().is_some_and(close) {
                 rates.push(delivered(mbit));
             }
-            println!("{mbit} Mbit/s: {rates:.0?} octets/s of {nominal}");
+            println!("{mbit} Mbit/s: {rates:.0?} bytes/s of {nominal}");
             assert!(rates.last().is_some_and(close), "{mbit}: {rates:?}");
         }
     }
 
     #[test]
-    fn a_limited_link_is_never_faster_than_its_rate() {
+    fn limited_link_never_exceeds_its_rate() {
         // Asserted at each arrival.
         delivered(1.0);
     }
 
     #[test]
     #[cfg(target_os = "linux")]
-    fn datagrams_that_found_no_room_are_counted() {
+    fn datagrams_lost_to_a_full_buffer_are_counted() {
         const SENT: u32 = 20_000;
         let url = Address::parse("udp://127.0.0.1:0").unwrap();
-        // Nobody reads while they come: most find the system's buffer full.
+        // No thread reads yet: most find the system's buffer full.
         let (socket, datagrams, local) = bind(&url, ANY).unwrap();
         let client = SystemSocket::bind("127.0.0.1:0").unwrap();
         for _ in 0..SENT {
@@ -239,10 +240,10 @@ mod tests {
         }
         client.send_to(b"next", local).unwrap();
         wire.inbox.recv_timeout(TIMEOUT).unwrap();
-        // Each was taken, or found the system's buffer or the inbound queue full.
+        // Each was received, or found the system's buffer or the inbound queue full.
         let counters = wire.tally.counters();
         assert_eq!(taken + counters.overflows, SENT);
-        assert!(taken < SENT / 2, "{taken} found room");
+        assert!(taken < SENT / 2, "{taken} were received");
         let overflows = counters.overflows;
         let expected = Counters {
             overflows,
@@ -252,10 +253,10 @@ mod tests {
     }
 
     #[test]
-    fn a_limited_packet_takes_its_time() {
+    fn packet_of_a_limited_link_takes_its_airtime() {
         let url = Address::parse("udp://127.0.0.1:0?rate_mbit=2.5").unwrap();
         let airtime = limit(&url).unwrap().map(airtime).unwrap();
-        // 1250 octets are 10,000 bits.
+        // 1250 bytes are 10,000 bits.
         assert_eq!(airtime(1250), Duration::from_millis(4));
         let url = Address::parse("udp://127.0.0.1:0?rate_mbit=0").unwrap();
         assert!(limit(&url).is_err());

@@ -1,4 +1,4 @@
-//! A client's own socket: the system sorts its datagrams from those of others.
+//! A client's own socket: the system separates its datagrams from those of others.
 
 use skyloop_firmware_sim::datagram::{Datagram, Datagrams};
 use std::cell::RefCell;
@@ -7,20 +7,20 @@ use std::net::{SocketAddr, UdpSocket as SystemSocket};
 use tokio::io::Interest;
 use tokio::net::UdpSocket;
 
-/// A socket for one client alone, at the address where all others' datagrams come too.
-pub(super) struct Own {
+/// A socket for one client, at the same local address as the common socket.
+pub(super) struct ClientSocket {
     pub peer: SocketAddr,
     pub socket: UdpSocket,
-    /// The same socket, as calls take it that send several datagrams.
+    /// The same socket, for calls that send several datagrams.
     pub sending: SystemSocket,
     datagrams: RefCell<Datagrams>,
 }
 
-impl Own {
-    /// For `peer`, beside the socket of `all`.
-    pub fn of(all: &Datagrams, peer: SocketAddr) -> io::Result<Own> {
+impl ClientSocket {
+    /// A socket for `peer`, split off the socket of `all`.
+    pub fn of(all: &Datagrams, peer: SocketAddr) -> io::Result<ClientSocket> {
         let (socket, datagrams) = all.split_off(peer)?;
-        Ok(Own {
+        Ok(ClientSocket {
             peer,
             sending: socket.try_clone()?,
             socket: UdpSocket::from_std(socket)?,
@@ -33,8 +33,8 @@ impl Own {
         self.socket.async_io(Interest::READABLE, receive).await
     }
 
-    /// How many datagrams have come that nobody has read.
-    pub fn leftover(&self) -> u32 {
+    /// Reads and counts the remaining datagrams.
+    pub fn drain(&self) -> u32 {
         let (mut datagrams, mut buffer) = (self.datagrams.borrow_mut(), [0; 64]);
         let mut left = 0_u32;
         while let Ok(datagram) = datagrams.receive(&mut buffer) {

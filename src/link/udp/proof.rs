@@ -11,40 +11,40 @@ use std::time::{Duration, Instant};
 /// Bytes sent to an unproved address for each byte from it, IP and UDP headers included (as in
 /// QUIC: RFC 9000, section 8).
 const FACTOR: usize = 3;
-/// How long a proof holds at least, however short `idle_s` is: an answer takes time.
+/// Minimum lifetime of a proof, however short `idle_s` is: an answer takes time.
 const MIN_LIFETIME: Duration = Duration::from_secs(1);
-/// Until a Challenge that was not returned is sent again.
+/// Interval at which an unreturned Challenge is repeated.
 const RETRY: Duration = Duration::from_millis(200);
 
-/// Makes Challenges and knows them again.
+/// Makes and recognizes Challenges.
 pub(super) struct Prover {
-    /// Whether addresses are to be proved.
+    /// Whether clients must prove their addresses.
     is_on: bool,
     secret: RandomState,
     begun: Instant,
     lifetime: Duration,
 }
 
-/// Whom a Challenge is for.
+/// Addressee of a Challenge.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub(super) enum Party {
     /// The client of the exchange.
     Client,
-    /// Another address, while the client's is not proved.
+    /// Another address while the client's is not proved.
     Other,
 }
 
-/// What an address has proved.
+/// Proof of one address.
 #[derive(Debug, Default)]
 pub(super) struct Proof {
-    /// When it last returned a Challenge; none if never, or if it sent a packet after the proof
+    /// When it last returned a Challenge; `None` if never, or if a packet came after the proof had
     /// lapsed.
     returned: Option<Instant>,
-    /// When it got one last, and how many in all.
+    /// When it last got a Challenge, and how many in total.
     challenged: Option<Instant>,
     challenges: u16,
-    /// Bytes that came and left without proof. After a lapse, until a packet comes: those of the
-    /// last returned Challenge.
+    /// Bytes received and sent without proof. After a lapse, until a packet comes, those of the
+    /// last returned Challenge count.
     received: usize,
     sent: usize,
 }
@@ -64,23 +64,23 @@ impl Prover {
         }
     }
 
-    /// Whether addresses are to be proved.
+    /// Whether clients must prove their addresses.
     pub fn is_on(&self) -> bool {
         self.is_on
     }
 
-    /// Number of the lifetime at `now`: a token is taken in its own and in the next.
+    /// Index of the lifetime at `now`: a token is valid in its own and the next one.
     fn epoch(&self, now: Instant) -> u64 {
         let since = now.saturating_duration_since(self.begun);
         (since.as_nanos() / self.lifetime.as_nanos()) as u64
     }
 
-    /// Known to this process alone: a keyed hash.
+    /// A keyed hash with a key known only to this process.
     fn token(&self, party: Party, address: SocketAddr, epoch: u64) -> u64 {
         self.secret.hash_one((party, address, epoch))
     }
 
-    /// Whom the Challenge was for, if `packet` is one that `from` has returned in time.
+    /// Addressee of the Challenge, if `packet` is one that `from` has returned in time.
     pub fn returned(&self, from: SocketAddr, packet: &[u8], now: Instant) -> Option<Party> {
         if identify(packet).is_none_or(|(apid, _)| apid != apid::CHALLENGE) {
             return None;
@@ -113,8 +113,8 @@ impl Prover {
         buffer.get(..length).map(<[u8]>::to_vec)
     }
 
-    /// A Challenge for another address, in answer to a valid packet. No state is stored for it:
-    /// even the shortest command is long enough to pay for it.
+    /// A Challenge for another address, in answer to a valid packet. No state is needed: even the
+    /// shortest command allows an answer of this length.
     pub fn challenge_other(
         &self,
         address: SocketAddr,
@@ -124,19 +124,19 @@ impl Prover {
         self.packet(Party::Other, address, 0, now, personality)
     }
 
-    /// Whether the proof of an address has lapsed, and nothing has come from there since.
+    /// Whether the proof of an address has lapsed without a packet since.
     pub fn has_lapsed(&self, proof: &Proof, now: Instant) -> bool {
         proof.returned.is_some() && !self.holds(proof, now)
     }
 
-    /// Whether the proof of an address holds.
+    /// Whether the proof of an address is valid.
     pub fn holds(&self, proof: &Proof, now: Instant) -> bool {
         let fresh = |at| now.saturating_duration_since(at) < self.lifetime;
         !self.is_on || proof.returned.is_some_and(fresh)
     }
 
-    /// The next Challenge for an address, if it is due and paid for by received bytes. A silent
-    /// address gets the few that the limit allows.
+    /// The next Challenge for an address, if it is due and the received bytes allow it. A silent
+    /// address gets only a few.
     pub fn challenge(
         &self,
         proof: &mut Proof,
@@ -163,18 +163,18 @@ impl Prover {
 }
 
 impl Proof {
-    /// A Challenge of so many bytes has come back.
+    /// Notes a returned Challenge of `length` bytes.
     pub fn returned(&mut self, from: SocketAddr, length: usize, now: Instant) {
         self.returned = Some(now);
         (self.received, self.sent) = (datagram(from, length), 0);
     }
 
-    /// When a Challenge came back last, where no packet has come after the proof lapsed.
+    /// When a Challenge was last returned, unless a packet came after the proof had lapsed.
     pub fn returned_at(&self) -> Option<Instant> {
         self.returned
     }
 
-    /// Books a packet that came without proof.
+    /// Counts a packet received without proof.
     pub fn received(&mut self, from: SocketAddr, length: usize) {
         if self.returned.take().is_some() {
             (self.received, self.sent) = (0, 0);
@@ -182,7 +182,7 @@ impl Proof {
         self.received = self.received.saturating_add(datagram(from, length));
     }
 
-    /// Books a packet that leaves without proof; false if it is too much.
+    /// Counts a packet sent without proof; false if it exceeds the limit.
     pub fn spend(&mut self, to: SocketAddr, length: usize) -> bool {
         let sent = self.sent.saturating_add(datagram(to, length));
         let fits = sent <= self.received.saturating_mul(FACTOR);
@@ -203,7 +203,7 @@ mod tests {
     }
 
     #[test]
-    fn a_challenge_proves_its_own_address_for_its_time() {
+    fn challenge_proves_its_address_for_its_lifetime() {
         let prover = Prover::new(true, Duration::from_secs(4));
         let (mut proof, begin) = (Proof::default(), prover.begun);
         let s = |s| begin + Duration::from_millis((s * 1e3) as u64);
@@ -211,7 +211,7 @@ mod tests {
         let packet = prover.challenge(&mut proof, at(1), s(0.0), &NATIVE);
         let packet = packet.unwrap();
         let again = prover.challenge(&mut proof, at(1), s(0.1), &NATIVE);
-        assert!(again.is_none(), "not so soon");
+        assert!(again.is_none(), "too early");
         let other = prover.challenge_other(at(1), s(0.0), &NATIVE).unwrap();
         for (from, when, holds) in [
             (at(1), 0.1, true),
@@ -225,7 +225,7 @@ mod tests {
             }
         }
         let mut forged = packet.clone();
-        // A bit of the token: the CRC does not fit.
+        // A bit of the token: the CRC does not match.
         forged[20] ^= 1;
         assert_eq!(prover.returned(at(1), &forged, s(0.1)), None);
         let another = Prover::new(true, Duration::from_secs(4));
@@ -240,9 +240,10 @@ mod tests {
         );
     }
 
-    /// X-Val: ICD, section 5.1: a Challenge takes 25 + 28 bytes, and three times as many may leave for the last one that was returned.
+    /// X-Val: ICD, section 5.1: a Challenge takes 25 + 28 bytes, and three times as many may be
+    /// sent for the last returned one.
     #[test]
-    fn after_a_lapse_three_challenges_come_and_more_only_after_a_packet() {
+    fn after_a_lapse_three_challenges_are_sent_and_more_only_after_a_packet() {
         let prover = Prover::new(true, Duration::from_secs(4));
         let (mut proof, begin) = (Proof::default(), prover.begun);
         let ms = |ms| begin + Duration::from_millis(ms);
@@ -252,19 +253,20 @@ mod tests {
             times.filter(|when| due(*when)).collect()
         };
         proof.returned(at(1), 25, ms(0));
-        // A quarter of 4 s apart, those of the time with proof too.
+        // Every quarter of 4 s, also while the proof is valid.
         assert_eq!(
             challenges(&mut proof, 500, 20_000),
             [500, 1500, 2500, 3500, 4500, 5500, 6500]
         );
-        // A Ping takes 46 bytes: three times as many are two Challenges.
+        // A Ping takes 46 bytes: three times as many allow two Challenges.
         proof.received(at(1), 18);
         assert_eq!(challenges(&mut proof, 20_000, 25_000), [20_000, 20_200]);
     }
 
-    /// X-Val: RFC 9000, section 8.1: three times what came. A Ping of 18 bytes takes 46 with its headers: 138.
+    /// X-Val: RFC 9000, section 8.1: three times the received bytes. A Ping of 18 bytes takes 46
+    /// with its headers, so 138 are allowed.
     #[test]
-    fn without_proof_three_bytes_leave_for_each_that_came() {
+    fn without_proof_three_bytes_are_sent_per_received_byte() {
         let mut proof = Proof::default();
         assert!(!proof.spend(at(1), 0));
         proof.received(at(1), 18);

@@ -9,7 +9,7 @@ use crate::metrics::Snapshot;
 use crate::stats::{FrameCounters, Pending};
 use crate::timing::Latencies;
 use bytes::{Bytes, BytesMut};
-use skyloop_link::{Harm, LinkError, Outbound, Roles, Wire, is_of_frame, timeout};
+use skyloop_link::{FaultEffect, LinkError, Outbound, Roles, Wire, is_of_frame, timeout};
 use skyloop_orbit::time::utc_days_since_j2000;
 use skyloop_protocols::sequence::SequenceCounts;
 use skyloop_protocols::{Direction, MAX_PACKET, Output, Withheld};
@@ -215,11 +215,11 @@ impl Channel {
         self.flow.moved.elapsed() >= timeout(airtime, least) && !self.wire.tally.is_held_back()
     }
 
-    /// Harm by injected faults to packets in and out, in this exchange.
-    pub fn harm(&self) -> [Option<Harm>; 2] {
+    /// FaultEffect by injected faults to packets in and out, in this exchange.
+    pub fn fault_effects(&self) -> [Option<FaultEffect>; 2] {
         let [lost_in, lost_out] = self.exchange.lost_to_faults;
         [(Direction::In, lost_in), (Direction::Out, lost_out)]
-            .map(|(direction, before)| self.wire.tally.harm(direction, before))
+            .map(|(direction, before)| self.wire.tally.fault_effect(direction, before))
     }
 
     /// Whether the client gets no frames: it took nothing for too long, and has not recovered.
@@ -290,8 +290,9 @@ impl Channel {
 
     /// Logs a message with the remedy.
     pub fn log(&mut self, why: Withheld, message: &str) {
-        let harm = self.harm();
-        self.report_log.log(&self.wire.address, why, message, harm);
+        let effects = self.fault_effects();
+        self.report_log
+            .log(&self.wire.address, why, message, effects);
     }
 
     /// Notes a superseded frame whose cause is not known yet.

@@ -40,6 +40,6 @@ impl Followers {
 
     /// Copies a packet to the further cameras.
     pub fn relay(&self, inbound: &Inbound) {
-        self.relays.iter().for_each(|relay| relay.bring(inbound));
+        self.relays.iter().for_each(|relay| relay.copy(inbound));
     }
 }

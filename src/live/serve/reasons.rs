@@ -1,6 +1,6 @@
 //! Why clients do not get frames: the causes in the table of a run, and the remedies in the log.
 
-use skyloop_link::{Harm, Unsent};
+use skyloop_link::{FaultEffect, Unsent};
 use skyloop_protocols::Withheld;
 
 // Causes in the table of a run that `Withheld` has no code for.
@@ -62,25 +62,25 @@ pub(super) fn not_reached(why: Withheld, detail: &str) -> String {
     format!("frames do not reach the client ({}): {detail}", name(why))
 }
 
-/// The remedy on a link with this address, whose injected faults harm packets in and out.
-pub(super) fn remedy(why: Withheld, address: &str, harm: [Option<Harm>; 2]) -> String {
-    let [way_in, way_out] = harm;
-    let [way_in, way_out] = [way_in.zip(Some("in")), way_out.zip(Some("out"))];
+/// The remedy on a link with this address, whose injected faults affect packets in and out.
+pub(super) fn remedy(why: Withheld, address: &str, effects: [Option<FaultEffect>; 2]) -> String {
+    let [inbound, outbound] = effects;
+    let [inbound, outbound] = [inbound.zip(Some("in")), outbound.zip(Some("out"))];
     let fault = match why {
-        Withheld::NotRead => way_out.filter(|(harm, _)| *harm == Harm::Delays),
+        Withheld::NotRead => outbound.filter(|(effect, _)| *effect == FaultEffect::Delays),
         // Frame packets go out, and Credit comes in.
-        Withheld::NoCredit | Withheld::Lost => way_out.or(way_in),
-        Withheld::NoClient => way_in,
+        Withheld::NoCredit | Withheld::Lost => outbound.or(inbound),
+        Withheld::NoClient => inbound,
         _ => None,
     };
     let without = remedy_without_faults(why, address);
     match fault {
-        Some((Harm::Delays, way)) => {
-            format!("a fault (--faults, Fault) delays packets on the way {way}: end it first")
+        Some((FaultEffect::Delays, direction)) => {
+            format!("a fault (--faults, Fault) delays packets on the way {direction}: end it first")
         }
         // The fault may be over, and not the cause.
-        Some((Harm::Loses, way)) => format!(
-            "a fault (--faults, Fault) has lost or damaged packets on the way {way}: end it, if it lasts; else {without}"
+        Some((FaultEffect::Loses, direction)) => format!(
+            "a fault (--faults, Fault) has lost or damaged packets on the way {direction}: end it, if it lasts; else {without}"
         ),
         None => without.to_string(),
     }
@@ -114,7 +114,7 @@ fn remedy_without_faults(why: Withheld, address: &str) -> &'static str {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use Harm::{Delays, Loses};
+    use FaultEffect::{Delays, Loses};
 
     /// Credit that is late or lost stops frames as frame packets do. A full link can only come of
     /// packets that are late on the way out.
@@ -127,7 +127,7 @@ mod tests {
         const LATE_IN: Option<&str> = Some("delays packets on the way in");
         const LOST_OUT: Option<&str> = Some("lost or damaged packets on the way out");
         const LOST_IN: Option<&str> = Some("lost or damaged packets on the way in");
-        for (why, way_in, way_out, says) in [
+        for (why, inbound, outbound, expected) in [
             (NoCredit, None, Some(Delays), LATE_OUT),
             (NoCredit, Some(Delays), None, LATE_IN),
             (NoCredit, Some(Loses), None, LOST_IN),
@@ -149,10 +149,10 @@ mod tests {
             (NoTrigger, Some(Delays), Some(Delays), None),
         ] {
             let udp = "udp://127.0.0.1:1";
-            let found = remedy(why, udp, [way_in, way_out]);
-            let case = format!("{why:?} {way_in:?} {way_out:?}: {found}");
-            match says {
-                Some(says) => assert!(found.contains(says), "{case}"),
+            let found = remedy(why, udp, [inbound, outbound]);
+            let case = format!("{why:?} {inbound:?} {outbound:?}: {found}");
+            match expected {
+                Some(part) => assert!(found.contains(part), "{case}"),
                 None => assert_eq!(found, remedy_without_faults(why, udp), "{case}"),
             }
         }

@@ -1,7 +1,7 @@
 //! Log messages about one link, limited in rate.
 
 use super::reasons::remedy;
-use skyloop_link::{Every, Harm};
+use skyloop_link::{Every, FaultEffect};
 use skyloop_protocols::Withheld;
 use std::collections::BTreeMap;
 use std::time::Instant;
@@ -23,7 +23,13 @@ impl ReportLog {
     }
 
     /// Logs a message with the remedy, unless the same reason was logged shortly before.
-    pub fn log(&mut self, address: &str, why: Withheld, message: &str, harm: [Option<Harm>; 2]) {
+    pub fn log(
+        &mut self,
+        address: &str,
+        why: Withheld,
+        message: &str,
+        effects: [Option<FaultEffect>; 2],
+    ) {
         let limit = self.limits.entry(why.code()).or_default();
         let Some(times) = limit.count(Instant::now()) else {
             return;
@@ -33,7 +39,7 @@ impl ReportLog {
         } else {
             format!(" ({times} times since the last message)")
         };
-        let remedy = remedy(why, address, harm);
+        let remedy = remedy(why, address, effects);
         tracing::warn!("{address}: {message}; {remedy}{before}");
     }
 }
