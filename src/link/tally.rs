@@ -221,7 +221,7 @@ impl Tally {
         self.moved.load(Ordering::Relaxed)
     }
 
-    /// Books bytes that have left.
+    /// Counts bytes that have left.
     pub(super) fn moved(&self, bytes: usize) {
         self.moved.fetch_add(bytes as u32, Ordering::Relaxed);
     }

@@ -81,7 +81,7 @@ pub enum CaptureError {
     Create {
         /// As given.
         file: String,
-        /// What the system says.
+        /// Error of the system.
         source: std::io::Error,
     },
     /// The file could not be written to its end.
@@ -91,7 +91,7 @@ pub enum CaptureError {
     Write {
         /// As given.
         file: String,
-        /// What the system says.
+        /// Error of the system.
         source: std::io::Error,
         /// Records that were not written.
         lost: u64,
@@ -101,7 +101,7 @@ pub enum CaptureError {
     Read {
         /// As given.
         file: String,
-        /// What the system says.
+        /// Error of the system.
         source: std::io::Error,
     },
     /// The file is not a recording.

@@ -1,6 +1,6 @@
 //! The record of injected faults: counts, and a log file with one line of JSON each.
 
-use super::injection::{How, Injection, What};
+use super::injection::{Damage, Event, Injection};
 use super::plan::name;
 use super::stopped::{LastingEffects, Needs, Stop, Stopped};
 use skyloop_orbit::path_text;
@@ -60,7 +60,7 @@ impl Book {
     pub(super) fn note(&mut self, address: &str, injections: &[Injection]) {
         for injection in injections {
             let out = injection.direction == Direction::Out;
-            if let What::Item { .. } = injection.what {
+            if let Event::Item { .. } = injection.event {
                 *self.counts.entry((out, name(injection.kind))).or_default() += 1;
             }
             if let Some(log) = &mut self.log {
@@ -149,25 +149,25 @@ fn line(address: &str, injection: &Injection, zero: Duration) -> String {
         name(injection.kind)
     );
     // Writing to a string cannot fail.
-    let _ = match &injection.what {
-        What::Begins(value) => write!(text, ",\"event\":\"begins\",\"value\":{value}"),
-        What::Ends => write!(text, ",\"event\":\"ends\""),
-        What::Item {
+    let _ = match &injection.event {
+        Event::Begins(value) => write!(text, ",\"event\":\"begins\",\"value\":{value}"),
+        Event::Ends => write!(text, ",\"event\":\"ends\""),
+        Event::Item {
             number,
             length,
             members,
-            how,
+            damage,
         } => {
             let comma = if members.is_empty() { "" } else { "," };
             let _ = write!(
                 text,
                 ",\"event\":\"injected\",\"item\":{number},\"octets\":{length}{comma}{members}"
             );
-            match how {
-                How::Plainly => Ok(()),
-                How::CutTo(left) => write!(text, ",\"cut_to\":{left}"),
-                How::Later(by) => write!(text, ",\"later_s\":{}", seconds(*by)),
-                How::Bits(bits) => write!(
+            match damage {
+                Damage::ByKind => Ok(()),
+                Damage::CutTo(left) => write!(text, ",\"cut_to\":{left}"),
+                Damage::Later(by) => write!(text, ",\"later_s\":{}", seconds(*by)),
+                Damage::Bits(bits) => write!(
                     text,
                     ",\"flipped\":{},\"bits\":{:?}",
                     bits.len(),
@@ -197,7 +197,7 @@ mod tests {
                 at: Duration::from_millis(1500),
                 direction: Direction::In,
                 kind: FaultKind::Drop,
-                what: What::Begins(1e-7),
+                event: Event::Begins(1e-7),
             };
             let line = line(address, &injection, Duration::from_secs(10));
             let value: serde_json::Value = serde_json::from_str(&line).unwrap();

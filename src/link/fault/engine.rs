@@ -1,7 +1,7 @@
 //! The fault engine of one direction, without a clock or a wire of its own.
 
 use super::harm::{ItemState, ORDER, is_loss};
-use super::injection::{Injection, What};
+use super::injection::{Event, Injection};
 use super::line::{Line, Order};
 use super::rule::Rule;
 use super::stopped::{LastingEffects, Shape};
@@ -96,18 +96,18 @@ impl<T: Damageable> Faults<T> {
         for kind in ORDER {
             let on = |rule: &&mut Rule| rule.fault.kind == kind && rule.is_on(now);
             for rule in self.rules.iter_mut().filter(on) {
-                let Some(how) = state.apply(rule) else {
+                let Some(damage) = state.apply(rule) else {
                     continue;
                 };
                 self.injected.push(Injection {
                     at: now,
                     direction: self.direction,
                     kind,
-                    what: What::Item {
+                    event: Event::Item {
                         number,
                         length: bytes.len(),
                         members: item.members(),
-                        how,
+                        damage,
                     },
                 });
                 if is_loss(kind) {
@@ -187,10 +187,10 @@ impl<T: Damageable> Faults<T> {
                     at,
                     direction: self.direction,
                     kind: rule.fault.kind,
-                    what: if ends {
-                        What::Ends
+                    event: if ends {
+                        Event::Ends
                     } else {
-                        What::Begins(rule.fault.value)
+                        Event::Begins(rule.fault.value)
                     },
                 });
             }
@@ -202,7 +202,7 @@ impl<T: Damageable> Faults<T> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fault::injection::How;
+    use crate::fault::injection::Damage;
 
     impl Damageable for Vec<u8> {
         fn bytes(&self) -> Option<&[u8]> {
@@ -262,9 +262,9 @@ mod tests {
     }
 
     /// Kinds of damage.
-    fn damages(injected: &[Injection]) -> impl Iterator<Item = &How> {
-        injected.iter().filter_map(|one| match &one.what {
-            What::Item { how, .. } => Some(how),
+    fn damages(injected: &[Injection]) -> impl Iterator<Item = &Damage> {
+        injected.iter().filter_map(|one| match &one.event {
+            Event::Item { damage, .. } => Some(damage),
             _ => None,
         })
     }
@@ -314,8 +314,8 @@ mod tests {
         let (chi2, n) = (chi2.iter().sum::<f64>(), positions.len() as f64);
         assert!((chi2 - n).abs() < 5.0 * (2.0 * n).sqrt(), "{chi2}");
         // The log lists each of them.
-        let logged = damages(&injected).map(|how| match how {
-            How::Bits(bits) => bits.len(),
+        let logged = damages(&injected).map(|damage| match damage {
+            Damage::Bits(bits) => bits.len(),
             other => panic!("{other:?}"),
         });
         assert_eq!(logged.sum::<usize>(), all);
@@ -355,8 +355,8 @@ mod tests {
         assert_eq!((faults.pop_due(ms(24)), faults.line().len()), (None, 1));
         assert_eq!(faults.pop_due(ms(25)), Some(item(1)));
         let (out, injected, _) = run(&[always(FaultKind::Jitter, 0.02, 1)], 1000);
-        let late = damages(&injected).map(|how| match how {
-            How::Later(by) => by.as_secs_f64(),
+        let late = damages(&injected).map(|damage| match damage {
+            Damage::Later(by) => by.as_secs_f64(),
             other => panic!("{other:?}"),
         });
         let late: Vec<f64> = late.collect();
@@ -388,9 +388,12 @@ mod tests {
         let (out, mut injected, lost) = run(&[rule], 30);
         // Items of 11 to 19 ms are lost.
         assert_eq!((out.len(), lost.len()), (21, 9));
-        injected.retain(|injection| !matches!(injection.what, What::Item { .. }));
-        let turns: Vec<_> = injected.into_iter().map(|one| (one.at, one.what)).collect();
-        assert_eq!(turns, [(from, What::Begins(1.0)), (ms(20), What::Ends)]);
+        injected.retain(|injection| !matches!(injection.event, Event::Item { .. }));
+        let turns: Vec<_> = injected
+            .into_iter()
+            .map(|one| (one.at, one.event))
+            .collect();
+        assert_eq!(turns, [(from, Event::Begins(1.0)), (ms(20), Event::Ends)]);
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! Effect of one rule on one item.
 
-use super::injection::How;
+use super::injection::Damage;
 use super::line::Order;
 use super::rule::Rule;
 use skyloop_base::rng::PixelStream;
@@ -41,7 +41,7 @@ impl ItemState {
     }
 
     /// Applies one rule; returns the damage, if any.
-    pub fn apply(&mut self, rule: &mut Rule) -> Option<How> {
+    pub fn apply(&mut self, rule: &mut Rule) -> Option<Damage> {
         let mut random = rule.draw();
         let value = rule.fault.value;
         let is_hit = random.uniform() < value;
@@ -51,32 +51,32 @@ impl ItemState {
                 for bit in &bits {
                     self.bytes[bit / 8] ^= 0x80 >> (bit % 8);
                 }
-                return (!bits.is_empty()).then_some(How::Bits(bits));
+                return (!bits.is_empty()).then_some(Damage::Bits(bits));
             }
             FaultKind::Delay => {
                 let later = Duration::from_secs_f64(value);
                 self.later += later;
-                return Some(How::Later(later));
+                return Some(Damage::Later(later));
             }
             FaultKind::Jitter => {
                 let later = Duration::from_secs_f64(value * random.uniform());
                 self.later += later;
                 self.order = Order::Free;
-                return Some(How::Later(later));
+                return Some(Damage::Later(later));
             }
             _ if !is_hit => return None,
             FaultKind::Truncate => {
                 let max_length = self.bytes.len().saturating_sub(1).max(1);
                 let left = 1 + (random.uniform() * max_length as f64) as usize;
                 self.bytes.truncate(left.min(max_length));
-                return Some(How::CutTo(self.bytes.len()));
+                return Some(Damage::CutTo(self.bytes.len()));
             }
             FaultKind::Duplicate => self.twice = true,
             FaultKind::Reorder => self.order = Order::Swapped,
             // A loss: `is_loss`.
             _ => {}
         }
-        Some(How::Plainly)
+        Some(Damage::ByKind)
     }
 }
 

@@ -10,12 +10,12 @@ pub(super) struct Injection {
     pub at: Duration,
     pub direction: Direction,
     pub kind: FaultKind,
-    pub what: What,
+    pub event: Event,
 }
 
 /// Event of an injection.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) enum What {
+pub(super) enum Event {
     /// The rule begins, with this value.
     Begins(f64),
     /// The rule ends.
@@ -28,15 +28,15 @@ pub(super) enum What {
         length: usize,
         /// Its description: members of a JSON object.
         members: String,
-        how: How,
+        damage: Damage,
     },
 }
 
 /// Damage to an item.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) enum How {
+pub(super) enum Damage {
     /// As its kind states: lost, duplicated or reordered.
-    Plainly,
+    ByKind,
     /// Indices of the inverted bits; 0 is the most significant bit of the first byte.
     Bits(Vec<usize>),
     /// Remaining number of bytes.

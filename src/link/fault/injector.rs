@@ -3,7 +3,7 @@
 use super::book::Book;
 use super::engine::{Damageable, Faults};
 use super::harm::{is_damage, is_loss};
-use super::injection::{Injection, What};
+use super::injection::{Event, Injection};
 use super::outage::{Change, Outage, in_order};
 use super::plan::{Plan, impossible};
 use super::spared::ExemptAnswers;
@@ -136,7 +136,7 @@ impl<I: Damageable, O: Damageable> Injector<I, O> {
         ] {
             let is_lost = |one: &&Injection| {
                 one.direction == direction
-                    && matches!(one.what, What::Item { .. })
+                    && matches!(one.event, Event::Item { .. })
                     && (is_loss(one.kind) || is_damage(one.kind))
             };
             let lost = injected.iter().filter(is_lost).count() as u32;

@@ -1,6 +1,6 @@
 //! Outages: faults of one kind, in any direction, that take the whole link down.
 
-use super::injection::{Injection, What};
+use super::injection::{Event, Injection};
 use skyloop_protocols::FaultKind;
 
 /// Tracks the faults of one kind.
@@ -25,12 +25,12 @@ impl Outage {
 
     /// Processes the next injection.
     pub fn observe(&mut self, injection: &Injection) -> Option<Change> {
-        match injection.what {
-            What::Begins(_) if injection.kind == self.kind => {
+        match injection.event {
+            Event::Begins(_) if injection.kind == self.kind => {
                 self.in_force += 1;
                 (self.in_force == 1).then_some(Change::Lost)
             }
-            What::Ends if injection.kind == self.kind => {
+            Event::Ends if injection.kind == self.kind => {
                 self.in_force -= 1;
                 (self.in_force == 0).then_some(Change::Back)
             }
@@ -42,7 +42,7 @@ impl Outage {
 /// Injections of both directions in order of time; at equal times, a beginning comes before an end.
 pub(super) fn in_order(mut a: Vec<Injection>, b: Vec<Injection>) -> Vec<Injection> {
     a.extend(b);
-    a.sort_by_key(|injection| (injection.at, injection.what == What::Ends));
+    a.sort_by_key(|injection| (injection.at, injection.event == Event::Ends));
     a
 }
 
@@ -54,12 +54,12 @@ mod tests {
 
     /// A rule of one direction, in force from and until these seconds.
     fn rule(direction: Direction, [from, until]: [u64; 2]) -> Vec<Injection> {
-        let turns = [(from, What::Begins(1.0)), (until, What::Ends)];
-        let injection = |(at, what)| Injection {
+        let turns = [(from, Event::Begins(1.0)), (until, Event::Ends)];
+        let injection = |(at, event)| Injection {
             at: Duration::from_secs(at),
             direction,
             kind: FaultKind::Down,
-            what,
+            event,
         };
         turns.map(injection).to_vec()
     }

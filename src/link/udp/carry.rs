@@ -97,11 +97,7 @@ impl Shared {
             let exchange = self.exchange.borrow();
             (exchange.address(), exchange.established(now))
         };
-        let peer = self
-            .client_socket
-            .borrow()
-            .as_ref()
-            .map(|client_socket| client_socket.peer);
+        let peer = self.client_socket.borrow().as_ref().map(|own| own.peer);
         if peer.is_some() && peer != address {
             // Unread datagrams of the former client count as foreign.
             if let Some(client_socket) = self.client_socket.take() {
@@ -434,10 +430,7 @@ impl TxPath<'_> {
 
     /// Passes `packets` to the system; returns the number sent. Errors: why it refused the first.
     async fn send_now(&mut self, packets: &[Bytes], to: SocketAddr) -> Result<usize, Unsent> {
-        let client_socket = self
-            .shared
-            .client_socket()
-            .filter(|client_socket| client_socket.peer == to);
+        let client_socket = self.shared.client_socket().filter(|own| own.peer == to);
         let (socket, sending) = match &client_socket {
             Some(client_socket) => (&client_socket.socket, &client_socket.sending),
             None => (&self.shared.socket, &self.shared.sending),
