@@ -1,5 +1,5 @@
 //! Load of the machine during a run, from Linux' `/proc` and `/sys`: a late frame may be the host's
-//! fault. Values that cannot be read are unknown.
+//! fault. Unreadable values are unknown.
 
 mod memory;
 
@@ -102,11 +102,11 @@ pub struct HostReport {
     pub governor: Option<String>,
     /// The time, s.
     pub seconds: f64,
-    /// Threads that wanted a processor, mean over the last minute.
+    /// Mean number of runnable threads over the last minute.
     pub load_1_min: Option<f64>,
     /// Over the last five.
     pub load_5_min: Option<f64>,
-    /// How often a thread of this process waited for something.
+    /// How often a thread of this process blocked.
     pub voluntary_switches: Option<u64>,
     /// How often a thread was preempted.
     pub involuntary_switches: Option<u64>,
@@ -123,10 +123,11 @@ impl HostReport {
     /// The rows of a table.
     #[must_use]
     pub fn rows(&self) -> Vec<(String, String)> {
-        let load = |load: Option<f64>| told(load.map(|load| format!("{load:.2}")));
-        let count = |count: Option<u64>| told(count.map(|count| count.to_string()));
-        let percent = |share: Option<f64>| told(share.map(|share| format!("{:.1} %", share * 1e2)));
-        let processors = told(self.processors.map(|count| count.to_string()));
+        let load = |load: Option<f64>| or_unknown(load.map(|load| format!("{load:.2}")));
+        let count = |count: Option<u64>| or_unknown(count.map(|count| count.to_string()));
+        let percent =
+            |share: Option<f64>| or_unknown(share.map(|share| format!("{:.1} %", share * 1e2)));
+        let processors = or_unknown(self.processors.map(|count| count.to_string()));
         let switched = format!(
             "{} voluntary, {} involuntary",
             count(self.voluntary_switches),
@@ -142,8 +143,8 @@ impl HostReport {
         let named = format!("{}, {processors} of them", self.processor);
         let rows = [
             ("processor", named),
-            ("kernel", told(self.kernel.clone())),
-            ("clock governor", told(self.governor.clone())),
+            ("kernel", or_unknown(self.kernel.clone())),
+            ("clock governor", or_unknown(self.governor.clone())),
             ("load 1 / 5 min", loads),
             ("context switches", switched),
             ("processors used", used),
@@ -152,7 +153,7 @@ impl HostReport {
     }
 }
 
-fn told(value: Option<String>) -> String {
+fn or_unknown(value: Option<String>) -> String {
     value.unwrap_or_else(|| "unknown".to_string())
 }
 
@@ -172,8 +173,8 @@ pub fn processor() -> String {
 /// The machine's load over the last minute and the last five.
 pub fn load() -> Option<[f64; 2]> {
     let text = read("/proc/loadavg")?;
-    let mut figures = text.split_whitespace().map(str::parse);
-    Some([figures.next()?.ok()?, figures.next()?.ok()?])
+    let mut values = text.split_whitespace().map(str::parse);
+    Some([values.next()?.ok()?, values.next()?.ok()?])
 }
 
 /// The frequency governors of the processors in a folder: `performance`, `none`, or each with its
@@ -222,9 +223,9 @@ fn machine_time(text: &str) -> Option<MachineTime> {
     })
 }
 
-/// User and system time of all threads in `/proc/self/stat`, ended ones included.
+/// User and system time of all threads in `/proc/self/stat`, including ended ones.
 fn own_time(text: &str) -> Option<u64> {
-    // The second word is the program's name in brackets, which may hold anything.
+    // The second word is the program's name in brackets, with any characters.
     let (_, rest) = text.rsplit_once(')')?;
     // X-Val: proc(5): utime and stime are the fields 14 and 15, the state after the name is the
     // third.
@@ -232,7 +233,7 @@ fn own_time(text: &str) -> Option<u64> {
     Some(times.next()?.ok()?.saturating_add(times.next()?.ok()?))
 }
 
-/// Of all threads, ended ones included.
+/// Context switches of all threads, including ended ones.
 #[cfg(target_os = "linux")]
 fn switches() -> Option<Switches> {
     use nix::sys::resource::{UsageWho, getrusage};
@@ -266,7 +267,7 @@ mod tests {
     }
 
     #[test]
-    fn the_shares_are_those_of_the_time_that_has_passed() {
+    fn shares_refer_to_the_elapsed_time() {
         let time = |all, busy, stolen| {
             Some(MachineTime {
                 processors: 4,
@@ -299,7 +300,7 @@ mod tests {
             row("processors used"),
             "30.0 % by this process, 20.0 % by others, 1.0 % stolen"
         );
-        // Clocks that stand still or go back, and a process that had more than the machine.
+        // Clocks that stop or go back, and a process with more time than the machine.
         assert_eq!(then.since(&then).others, None);
         let report = then.since(&now);
         assert_eq!((report.own, report.voluntary_switches), (None, Some(0)));
@@ -308,7 +309,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_read_is_unknown() {
+    fn unreadable_values_are_unknown() {
         let mut blind = of(None, None, None);
         (blind.kernel, blind.governor, blind.load) = (None, None, None);
         let report = blind.since(&blind);
@@ -342,7 +343,7 @@ mod tests {
     }
 
     #[test]
-    fn the_own_time_is_read_whatever_the_programs_name_is() {
+    fn own_time_is_read_for_any_program_name() {
         let rest = "S 1 2 3 4 5 6 7 8 9 10 300 40 50 60";
         for name in ["skyloop", "a b", "x) 1 2", "((("] {
             let text = format!("12 ({name}) {rest}");

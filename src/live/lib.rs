@@ -1,6 +1,6 @@
-//! A run in real time: [`serve`] takes commands from the links and sends frames by their deadlines,
-//! [`realtime`] asks the system for priority, [`timing`] holds what was measured, [`metrics`] and
-//! [`stats`] show it, [`host`] says what the machine did meanwhile, and [`soak`] gives the verdict.
+//! A run in real time: [`serve`] executes commands from the links and sends frames by their
+//! deadlines, [`realtime`] requests priority, [`timing`] measures, [`metrics`] and [`stats`]
+//! publish the measurements, [`host`] reads the load of the machine, and [`soak`] checks limits.
 
 #![cfg_attr(not(test), warn(clippy::disallowed_methods))]
 

@@ -1,7 +1,7 @@
-//! The figures of a run for Prometheus, over HTTP on a thread of its own.
+//! Metrics of a run for Prometheus, over HTTP on a separate thread.
 //!
-//! The run publishes its figures ten times a second and never waits; a request gets the last ones.
-//! By default only this machine can connect. There is no password, and nothing can be changed.
+//! The run publishes its metrics ten times a second and never waits; a request gets the last ones.
+//! By default only this machine can connect. There is no password, and no write access.
 
 mod http;
 mod page;
@@ -17,7 +17,7 @@ use std::sync::{Arc, Mutex};
 use std::thread::{JoinHandle, ScopedJoinHandle};
 use std::time::Duration;
 
-/// The figures of a run at one moment.
+/// The metrics of a run at one instant.
 #[derive(Debug, Clone, Default)]
 pub struct Snapshot {
     frames: u64,
@@ -26,13 +26,13 @@ pub struct Snapshot {
     stages: Vec<Stage>,
     /// Requests for frames of the link.
     pub requested: usize,
-    /// Its frames whose last packet has left.
+    /// Frames of the link whose last packet was sent.
     pub delivered: usize,
-    /// Its frames that have not left whole, by cause.
+    /// Frames of the link that were not sent completely, by cause.
     pub withheld: Vec<(&'static str, usize)>,
-    /// The link, where there are several.
+    /// The link, if there are several.
     pub link: Option<String>,
-    /// What is of the other links, but for counters and the clock.
+    /// Metrics of the other links, without counters and clock.
     pub further: Vec<Snapshot>,
     /// Counters of the run by name, as its `Status` has them: modulo 2^32.
     pub counters: Vec<(&'static str, u32)>,
@@ -42,9 +42,9 @@ pub struct Snapshot {
     pub exposure_s: Option<[f64; 3]>,
     /// The client's clock less ours, s.
     pub clock_offset_s: Option<f64>,
-    /// What is gone by for the client's time, as the wire's code.
+    /// Synchronization state, as its code on the wire.
     pub sync: Option<u8>,
-    /// What was left of the last frame's deadline, s; less than 0: missed by so much.
+    /// Time from the last frame's end to its deadline, s; below 0: late.
     pub deadline_spare_s: Option<f64>,
 }
 
@@ -78,7 +78,7 @@ const BOUNDS: [(Duration, &str); 16] = [
 ];
 
 impl Snapshot {
-    /// The figures of the frames so far. The caller adds counters and the last frame.
+    /// The metrics of the frames so far. The caller adds counters and the last frame.
     #[must_use]
     pub fn of(latencies: &Latencies) -> Self {
         let stages = latencies.stages().map(|(name, times)| Stage {
@@ -97,16 +97,16 @@ impl Snapshot {
     }
 }
 
-/// Where a camera publishes its figures; clones share it.
+/// Where a camera publishes its metrics; clones share it.
 #[derive(Debug, Clone, Default)]
 pub struct Metrics {
     /// Name of a further camera.
     head: Option<Arc<str>>,
-    place: Arc<Mutex<Arc<Snapshot>>>,
+    slot: Arc<Mutex<Arc<Snapshot>>>,
 }
 
 impl Metrics {
-    /// The place of a further camera.
+    /// For a further camera.
     #[must_use]
     pub fn of_head(name: &str) -> Self {
         Self {
@@ -115,18 +115,18 @@ impl Metrics {
         }
     }
 
-    /// Publishes the present figures, unless the previous ones are being read.
+    /// Publishes a snapshot, unless the previous one is being read.
     pub fn publish(&self, snapshot: Snapshot) {
         let snapshot = Arc::new(snapshot);
         // A real-time thread does not wait for others.
-        if let Ok(mut place) = self.place.try_lock() {
-            *place = snapshot;
+        if let Ok(mut slot) = self.slot.try_lock() {
+            *slot = snapshot;
         }
     }
 
     fn last(&self) -> Arc<Snapshot> {
-        match self.place.lock() {
-            Ok(place) => Arc::clone(&place),
+        match self.slot.lock() {
+            Ok(slot) => Arc::clone(&slot),
             // An assignment cannot be left half done.
             Err(poisoned) => Arc::clone(&poisoned.into_inner()),
         }
@@ -134,15 +134,15 @@ impl Metrics {
 }
 
 /// Maximum number of connections. One more replaces the oldest, preferably one without a request.
-const AT_ONCE: usize = 32;
+const MAX_CONNECTIONS: usize = 32;
 /// Threads at most: those of closed connections take a moment to end.
-const MAX_THREADS: usize = 2 * AT_ONCE;
-/// How often the thread looks for a connection, and whether it is to end.
+const MAX_THREADS: usize = 2 * MAX_CONNECTIONS;
+/// Interval at which the thread checks for connections and its end.
 const POLL: Duration = Duration::from_millis(50);
-/// How long the thread waits for threads of closed connections.
-const LEAVING: Duration = Duration::from_millis(1);
+/// Wait for threads of closed connections.
+const THREAD_END_WAIT: Duration = Duration::from_millis(1);
 
-/// The HTTP thread; it ends with this value.
+/// The HTTP thread; dropping this value ends it.
 #[derive(Debug)]
 pub struct Server {
     address: SocketAddr,
@@ -151,7 +151,7 @@ pub struct Server {
 }
 
 impl Server {
-    /// Where it listens: the port that the system has chosen if 0 was asked for.
+    /// Its address, with the actual port if 0 was requested.
     #[must_use]
     pub fn address(&self) -> SocketAddr {
         self.address
@@ -162,13 +162,13 @@ impl Drop for Server {
     fn drop(&mut self) {
         self.stop.store(true, Ordering::Relaxed);
         if let Some(thread) = self.thread.take() {
-            // It does not panic; if it did, it has ended too.
+            // Even after a panic it has ended.
             let _ = thread.join();
         }
     }
 }
 
-/// Serves the figures of all `cameras` at `http://ADDRESS/metrics`; `address` is `127.0.0.1:9464`,
+/// Serves the metrics of all `cameras` at `http://ADDRESS/metrics`; `address` is `127.0.0.1:9464`,
 /// `[::1]:9464`, or a port alone, on 127.0.0.1.
 ///
 /// Each of at most 32 connections has a thread; one more closes the oldest, so that idle
@@ -177,15 +177,15 @@ impl Drop for Server {
 pub fn serve(address: &str, cameras: Vec<Metrics>) -> io::Result<Server> {
     let refused =
         |kind, why: String| Err(io::Error::new(kind, format!("metrics at {address}: {why}")));
-    let Some(wanted) = metrics_address(address) else {
+    let Some(requested) = metrics_address(address) else {
         let why = "not an address: write for example 127.0.0.1:9464, or a port alone";
         return refused(io::ErrorKind::InvalidInput, why.to_string());
     };
-    let listener = match TcpListener::bind(wanted) {
+    let listener = match TcpListener::bind(requested) {
         Ok(listener) => listener,
         Err(error) => return refused(error.kind(), format!("{error}; {}", remedy(error.kind()))),
     };
-    // So that the thread looks up now and then.
+    // Non-blocking, so that the thread can check `stop`.
     listener.set_nonblocking(true)?;
     let address = listener.local_addr()?;
     let stop = Arc::new(AtomicBool::new(false));
@@ -207,13 +207,13 @@ fn remedy(kind: io::ErrorKind) -> &'static str {
     }
 }
 
-/// Answers connections until it is told to stop.
+/// Answers connections until `stop` is set.
 fn answer_all(listener: &TcpListener, cameras: &[Metrics], stop: &AtomicBool) {
     let page = || {
-        let figures = cameras
+        let snapshots = cameras
             .iter()
             .map(|camera| (camera.head.clone(), camera.last()));
-        text::page(&figures.collect::<Vec<_>>())
+        text::page(&snapshots.collect::<Vec<_>>())
     };
     let page = &page;
     let mut open: VecDeque<Connection> = VecDeque::new();
@@ -222,7 +222,7 @@ fn answer_all(listener: &TcpListener, cameras: &[Metrics], stop: &AtomicBool) {
         while !stop.load(Ordering::Relaxed) {
             threads.retain(|thread: &ScopedJoinHandle<'_, ()>| !thread.is_finished());
             if threads.len() >= MAX_THREADS {
-                std::thread::sleep(LEAVING);
+                std::thread::sleep(THREAD_END_WAIT);
                 continue;
             }
             let stream = match listener.accept() {
@@ -231,14 +231,14 @@ fn answer_all(listener: &TcpListener, cameras: &[Metrics], stop: &AtomicBool) {
                     wait_for_connection(listener);
                     continue;
                 }
-                // The client has gone, or the system lacks resources for now.
+                // The client has gone, or the system lacks resources.
                 Err(_) => {
                     std::thread::sleep(POLL);
                     continue;
                 }
             };
             open.retain(|connection| !connection.state.is_over());
-            if open.len() >= AT_ONCE {
+            if open.len() >= MAX_CONNECTIONS {
                 let silent = open.iter().position(|one| !one.state.has_requested());
                 let oldest = open.remove(silent.unwrap_or(0));
                 oldest.into_iter().for_each(Connection::close);
@@ -281,7 +281,7 @@ fn wait_for_connection(_: &TcpListener) {
 }
 
 struct Connection {
-    /// The handle that closes it while its thread waits.
+    /// The handle to close it while its thread waits.
     stream: TcpStream,
     state: Arc<http::State>,
 }
@@ -307,7 +307,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn addresses_are_of_this_machine_unless_they_say_otherwise() {
+    fn address_defaults_to_this_machine() {
         for (text, expected) in [
             ("9464", Some("127.0.0.1:9464")),
             ("0.0.0.0:80", Some("0.0.0.0:80")),
@@ -323,7 +323,7 @@ mod tests {
     }
 
     #[test]
-    fn an_address_that_cannot_be_had_is_told_with_the_remedy() {
+    fn refused_address_is_reported_with_the_remedy() {
         let first = serve("0", Vec::new()).unwrap();
         let address = first.address().to_string();
         let error = serve(&address, Vec::new()).unwrap_err();
@@ -341,20 +341,20 @@ mod tests {
             let text = serve(wrong, Vec::new()).unwrap_err().to_string();
             assert!(text.contains(wrong) && text.contains(word), "{text}");
         }
-        // Gone with its handle: the address is free again.
+        // Dropping the handle frees the address.
         drop(first);
         assert!(serve(&address, Vec::new()).is_ok());
     }
 
     #[test]
-    fn the_run_does_not_wait_for_who_fetches() {
+    fn publishing_does_not_wait_for_readers() {
         let metrics = Metrics::default();
         let snapshot = |frames| Snapshot {
             frames,
             ..Snapshot::default()
         };
         metrics.publish(snapshot(1));
-        let fetching = metrics.place.lock().unwrap();
+        let fetching = metrics.slot.lock().unwrap();
         metrics.publish(snapshot(2));
         drop(fetching);
         assert_eq!(metrics.last().frames, 1);

@@ -1,11 +1,11 @@
 //! Real-time settings of the system: scheduling priority, locked memory, processor affinity.
 //!
-//! All are optional, and a refusal does not fail a run: it is reported with reason and remedy.
-//! Threads inherit scheduling and affinity from the thread that starts them; memory is locked for
-//! the process. Threads of an existing pool apply the settings themselves ([`Asked::of_thread`]). A
-//! thread that only watches, such as that of the metrics, is best started before.
+//! All are optional. A refusal does not fail a run; it is reported with reason and remedy. Threads
+//! inherit scheduling and affinity from the thread that starts them; memory is locked for the
+//! process. Threads of an existing pool apply the settings themselves ([`Requested::of_thread`]). A
+//! monitoring thread, such as that of the metrics, is best started before.
 //!
-//! Where real-time threads leave no processor to others, the kernel takes 5 % of the time from them
+//! If real-time threads use all processors, the kernel reserves 5 % of the time for others
 //! (`sched_rt_runtime_us`).
 
 #[cfg(target_os = "linux")]
@@ -28,7 +28,7 @@ pub enum Help {
 }
 
 impl Help {
-    /// The key of the run file that asks for it.
+    /// Its key in the run file.
     fn key(&self) -> &'static str {
         match self {
             Help::Priority(_) => "run.priority",
@@ -68,7 +68,7 @@ impl fmt::Display for Grant {
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
 #[serde(transparent)]
 pub struct Granted {
-    /// In the order of [`Asked`]. Processors that are there and those that are not have one each.
+    /// In the order of [`Requested`]. Present and absent processors have one each.
     pub grants: Vec<Grant>,
 }
 
@@ -76,9 +76,10 @@ impl Granted {
     /// Adds the refusals of `others`, each reason once.
     pub fn add_refused(&mut self, others: impl IntoIterator<Item = Granted>) {
         for grant in others.into_iter().flat_map(|other| other.grants) {
-            let is_told =
-                |told: &Grant| told.help.key() == grant.help.key() && told.refused == grant.refused;
-            if grant.refused.is_some() && !self.grants.iter().any(is_told) {
+            let is_listed = |other: &Grant| {
+                other.help.key() == grant.help.key() && other.refused == grant.refused
+            };
+            if grant.refused.is_some() && !self.grants.iter().any(is_listed) {
                 self.grants.push(grant);
             }
         }
@@ -138,9 +139,9 @@ fn processors(cpus: Vec<usize>) -> Vec<Grant> {
     match system::run_on(&cpus) {
         Err(why) => vec![of(cpus, Some(why))],
         Ok(granted) => {
-            let (there, missing): (Vec<_>, Vec<_>) =
+            let (present, missing): (Vec<_>, Vec<_>) =
                 cpus.into_iter().partition(|cpu| granted.contains(cpu));
-            let mut grants = vec![of(there, None)];
+            let mut grants = vec![of(present, None)];
             if !missing.is_empty() {
                 let why = "not there, or not for this process: see nproc and taskset -p";
                 grants.push(of(missing, Some(why.to_string())));
@@ -160,7 +161,7 @@ fn named(cpus: &[usize]) -> String {
 #[cfg(target_os = "linux")]
 use linux as system;
 
-/// Systems that are not asked.
+/// Systems without these settings.
 #[cfg(not(target_os = "linux"))]
 mod system {
     const WHY: &str = "this system is not asked: run on Linux";
@@ -188,7 +189,7 @@ mod tests {
     }
 
     #[test]
-    fn what_was_granted_is_one_line() {
+    fn granted_settings_are_one_line() {
         let all = Granted {
             grants: vec![
                 of(Help::Priority(50), None),
@@ -221,7 +222,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_is_asked_of_the_system_unless_it_is_asked_for() {
+    fn nothing_is_requested_by_default() {
         assert!(Requested::default().is_nothing());
         let none = ask(&Requested::default());
         assert!(none.grants.is_empty() && none.is_all());
@@ -229,7 +230,7 @@ mod tests {
     }
 
     #[test]
-    fn what_some_thread_is_refused_is_told_once() {
+    fn refusals_of_several_threads_are_listed_once() {
         let one = |help, why| Granted {
             grants: vec![of(help, why)],
         };
@@ -243,7 +244,7 @@ mod tests {
     }
 
     #[test]
-    fn a_priority_that_is_none_is_refused_without_asking() {
+    fn invalid_priority_is_refused() {
         for priority in [0, 100, 255] {
             let granted = ask(&Requested {
                 priority: Some(priority),
@@ -255,7 +256,7 @@ mod tests {
     }
 
     #[test]
-    fn a_thread_of_a_pool_asks_for_all_but_the_memory() {
+    fn thread_of_a_pool_requests_all_but_locked_memory() {
         let requested = Requested {
             priority: Some(10),
             lock_memory: true,

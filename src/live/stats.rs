@@ -14,19 +14,19 @@ use std::collections::BTreeMap;
 /// Statistics of a run.
 #[derive(Debug, Clone, Default)]
 pub struct RunStats {
-    /// Frames.
+    /// Number of frames.
     pub frames: u32,
     /// From the vehicle's state to pixels and label.
     pub render: Times,
-    /// The first link that brings frames.
+    /// The first link that carries frames.
     pub link: String,
     /// Latencies of that link, from each frame's trigger to its last packet.
     pub latencies: Latencies,
-    /// The same of the other links that bring frames.
+    /// The same of the other links that carry frames.
     pub further: Vec<(String, Latencies)>,
-    /// Objects in orbit, wherever they are.
+    /// Number of objects in orbit.
     pub objects: usize,
-    /// Stars labelled, summed over the frames as all that follow.
+    /// Stars labelled. This and the following are sums over the frames.
     pub stars: usize,
     /// Stars visible.
     pub stars_visible: usize,
@@ -36,13 +36,13 @@ pub struct RunStats {
     pub rsos_visible: usize,
     /// Objects in the field that labels omit, by reason.
     pub unseen: BTreeMap<&'static str, usize>,
-    /// The accounts of the links that bring frames, by address.
+    /// Frame counters of the links that carry frames, by address.
     pub accounts: Vec<(String, FrameCounters)>,
-    /// Frames that are full of one light.
+    /// Frames in which one light source saturates every pixel.
     pub flooded: u32,
-    /// Objects that had no state at some frame.
+    /// Objects without a state at some frame.
     pub without_state: usize,
-    /// Frames that were rendered more coarsely in order not to be late.
+    /// Frames rendered more coarsely to meet their deadlines.
     pub coarsened: u32,
     /// Exposures that were dropped because their frames would have been late.
     pub dropped: u32,
@@ -70,7 +70,7 @@ impl RunStats {
         }
     }
 
-    /// The rows that every run's table starts with.
+    /// The common first rows of a run's table.
     pub fn rows(&self) -> Vec<(String, String)> {
         let labelled = |all, visible| format!("{all} ({visible} visible)");
         let mut rows = vec![
@@ -149,7 +149,7 @@ impl RunStats {
     }
 }
 
-/// How many: `5 (3 behind the Earth, 2 too faint)`.
+/// A sum with its reasons: `5 (3 behind the Earth, 2 too faint)`.
 fn by_reason(counts: &BTreeMap<&'static str, usize>) -> String {
     let all: usize = counts.values().sum();
     let reasons = counts.iter().map(|(why, count)| format!("{count} {why}"));
@@ -160,10 +160,10 @@ fn by_reason(counts: &BTreeMap<&'static str, usize>) -> String {
 }
 
 /// Objects without a state, and conditions that are logged once: old elements, objects near the
-/// observer, too many particles, light that hides everything.
+/// observer, too many particles, light that saturates the frame.
 #[derive(Debug, Clone, Default)]
 pub struct Absent {
-    /// How many, summed over the frames.
+    /// Number of objects without a state, summed over the frames.
     pub count: u32,
     named: usize,
     crowded: bool,
@@ -174,7 +174,8 @@ pub struct Absent {
 impl Absent {
     /// Maximum number of objects named in the log.
     const NAMED: usize = 5;
-    /// Within this distance (km) element sets cannot tell a docked vehicle from a neighbour.
+    /// Distance (km) within which element sets cannot distinguish a docked vehicle from a
+    /// neighbour.
     const NEAR_KM: f64 = 10.0;
 
     /// Counts the objects of a frame without a state, and logs each condition once.
@@ -182,15 +183,15 @@ impl Absent {
         if let Some(more) = exposed.label.particles_left_out.filter(|_| !self.crowded) {
             self.crowded = true;
             tracing::warn!(
-                "frame {}: {more:.0} more particles than can be drawn would cross the detector in an exposure; labels say \
-                 so (particles_left_out): shorten timing.exposure_s or radiation.readout_s",
+                "frame {}: {more:.0} more particles than can be drawn would cross the detector in an exposure; labels report \
+                 it (particles_left_out): shorten timing.exposure_s or radiation.readout_s",
                 exposed.number
             );
         }
         if let Some(light) = exposed.label.flooded_by.filter(|_| !self.flooded) {
             self.flooded = true;
             tracing::warn!(
-                "frame {}: {light} fills every pixel, nothing else is seen; labels say so (flooded_by): turn away, shorten \
+                "frame {}: {light} fills every pixel, nothing else is visible; labels report it (flooded_by): turn away, shorten \
                  timing.exposure_s, or give the camera a better baffle (optics.stray)",
                 exposed.number
             );
@@ -198,7 +199,7 @@ impl Absent {
         if let Some(ages) = &exposed.old {
             tracing::warn!("frame {}: {ages}", exposed.number);
         }
-        if let Some(near) = beside(exposed).filter(|_| !self.near) {
+        if let Some(near) = near_observer(exposed).filter(|_| !self.near) {
             self.near = true;
             tracing::warn!("frame {}: {near}", exposed.number);
         }
@@ -207,15 +208,15 @@ impl Absent {
         for error in &exposed.unknown.notices {
             self.named += 1;
             if self.named <= Self::NAMED {
-                tracing::warn!("frame {}: not shown: {error}", exposed.number);
+                tracing::warn!("frame {}: not rendered: {error}", exposed.number);
             } else {
-                tracing::info!("frame {}: not shown: {error}", exposed.number);
+                tracing::info!("frame {}: not rendered: {error}", exposed.number);
                 more += 1;
             }
         }
         if more > 0 {
             tracing::warn!(
-                "frame {}: {} more without a state, not shown; -v names them",
+                "frame {}: {} more without a state, not rendered; -v names them",
                 exposed.number,
                 counted(more, "object")
             );
@@ -224,7 +225,7 @@ impl Absent {
 }
 
 /// Objects in the field that may be docked to the observer.
-fn beside(exposed: &ExposedFrame) -> Option<String> {
+fn near_observer(exposed: &ExposedFrame) -> Option<String> {
     let near = exposed.label.objects.iter().filter_map(|object| {
         let range_km = object.rso.as_ref()?.range_km;
         let name = object.names.first().unwrap_or(&object.id);
@@ -239,15 +240,15 @@ fn beside(exposed: &ExposedFrame) -> Option<String> {
     };
     (!near.is_empty()).then(|| {
         format!(
-            "{} in the field within {} km of the observer ({some}{more}): what is docked to its vehicle fills the field with light: take \
-             it out of the files of objects",
+            "{} in the field within {} km of the observer ({some}{more}): a vehicle docked to the observer fills the field with light: \
+             remove it from the files of objects",
             counted(near.len(), "object"),
             Absent::NEAR_KM
         )
     })
 }
 
-/// Rows as text, the names in one column.
+/// Rows as text, with aligned values.
 pub fn table(rows: &[(String, String)]) -> String {
     let width = rows
         .iter()
@@ -264,7 +265,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn objects_have_their_rows_where_there_are_any() {
+    fn rows_of_objects_and_withheld_frames_appear_if_there_are_any() {
         let names = |stats: &RunStats| -> Vec<String> {
             stats.rows().into_iter().map(|(name, _)| name).collect()
         };
@@ -281,8 +282,8 @@ mod tests {
             Some(row("RSOs unseen", "0".to_string()))
         );
         stats.unseen = [("too faint", 2), ("behind the Earth", 3)].into();
-        let said = "5 (3 behind the Earth, 2 too faint)".to_string();
-        assert_eq!(stats.rows().pop(), Some(row("RSOs unseen", said)));
+        let text = "5 (3 behind the Earth, 2 too faint)".to_string();
+        assert_eq!(stats.rows().pop(), Some(row("RSOs unseen", text)));
         let account = |delivered, withheld: &[_]| FrameCounters {
             requested: 9,
             delivered,
@@ -290,20 +291,20 @@ mod tests {
         };
         let one = account(7, &[("no credit", 2)]);
         stats.accounts = vec![("a".to_string(), one)];
-        let said = "2 (2 no credit); 9 requested, 7 delivered".to_string();
+        let text = "2 (2 no credit); 9 requested, 7 delivered".to_string();
         assert_eq!(
             stats.rows().pop(),
-            Some(row("frames withheld", said.clone()))
+            Some(row("frames withheld", text.clone()))
         );
         let others = [account(9, &[]), account(0, &[("refused", 9)])];
         let others = ["b", "c"].map(str::to_string).into_iter().zip(others);
         stats.accounts.extend(others);
         let rows = stats.rows();
-        let rows = rows.iter().rev().take(2).rev().map(|(_, text)| &text[..]);
+        let rows = rows.iter().rev().take(2).rev().map(|(_, value)| &value[..]);
         assert_eq!(
             rows.collect::<Vec<_>>(),
             [
-                &format!("{said}, over a"),
+                &format!("{text}, over a"),
                 "9 (9 refused); 9 requested, 0 delivered, over c"
             ]
         );

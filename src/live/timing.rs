@@ -20,27 +20,27 @@ pub struct FrameTimes {
     pub first_pixel: Duration,
     /// To the last pixel rendered.
     pub last_pixel: Duration,
-    /// To the first octet handed to a link.
-    pub first_octet: Duration,
-    /// To the last octet handed to a link.
-    pub last_octet: Duration,
+    /// To the first byte passed to a link.
+    pub first_byte: Duration,
+    /// To the last byte passed to a link.
+    pub last_byte: Duration,
     /// Time left until the deadline, s; below 0: late.
     pub spare_s: f64,
-    /// Whether all of the frame left.
+    /// Whether the frame was sent completely.
     pub whole: bool,
 }
 
 impl FrameTimes {
-    /// A frame that did not leave whole.
+    /// A frame that was not sent completely.
     #[must_use]
-    pub fn incomplete(frame: u32) -> Self {
+    pub const fn incomplete(frame: u32) -> Self {
         Self {
             frame,
             attitude_age_s: 0.0,
             first_pixel: Duration::ZERO,
             last_pixel: Duration::ZERO,
-            first_octet: Duration::ZERO,
-            last_octet: Duration::ZERO,
+            first_byte: Duration::ZERO,
+            last_byte: Duration::ZERO,
             spare_s: f64::NEG_INFINITY,
             whole: false,
         }
@@ -50,7 +50,7 @@ impl FrameTimes {
     #[must_use]
     pub fn ended(self, trigger: Instant, deadline: Option<Instant>, last: Instant) -> Self {
         Self {
-            last_octet: last.saturating_duration_since(trigger),
+            last_byte: last.saturating_duration_since(trigger),
             spare_s: deadline.map_or(f64::INFINITY, |deadline| spare_s(deadline, last)),
             whole: true,
             ..self
@@ -70,11 +70,11 @@ pub fn spare_s(deadline: Instant, at: Instant) -> f64 {
 /// The times of all frames of a run.
 #[derive(Debug, Clone, Default, Serialize)]
 pub struct Latencies {
-    /// Frames.
+    /// Number of frames.
     pub frames: u64,
-    /// Frames that missed their deadline: late, or not whole.
+    /// Frames that missed their deadline: late or incomplete.
     pub missed: u64,
-    /// Frames that did not leave whole. The times below exclude them.
+    /// Incomplete frames. The times below exclude them.
     pub incomplete: u64,
     /// Exposures without a frame. They count as frames that missed their deadlines.
     pub without_frame: u64,
@@ -82,7 +82,7 @@ pub struct Latencies {
     pub first_miss: Option<Miss>,
     /// Frames whose attitude is later than mid-exposure; its age counts as 0.
     pub ahead: u64,
-    /// See [`FrameTimes`], as all that follow.
+    /// Age of the attitude at mid-exposure.
     #[serde(serialize_with = "summary")]
     pub attitude_age: Times,
     /// To the first pixel rendered.
@@ -91,12 +91,12 @@ pub struct Latencies {
     /// To the last pixel rendered.
     #[serde(serialize_with = "summary")]
     pub last_pixel: Times,
-    /// To the first octet handed to a link.
-    #[serde(serialize_with = "summary")]
-    pub first_octet: Times,
-    /// To the last octet handed to a link.
-    #[serde(serialize_with = "summary")]
-    pub last_octet: Times,
+    /// To the first byte passed to a link.
+    #[serde(rename = "first_octet", serialize_with = "summary")]
+    pub first_byte: Times,
+    /// To the last byte passed to a link.
+    #[serde(rename = "last_octet", serialize_with = "summary")]
+    pub last_byte: Times,
     /// The first frame beyond this time to the last byte, or incomplete, is noted.
     #[serde(rename = "watch_above_s", serialize_with = "maybe_seconds")]
     pub watch_above: Option<Duration>,
@@ -138,21 +138,21 @@ impl Latencies {
             };
             self.miss(miss);
         }
-        let took = times.whole.then_some(times.last_octet);
+        let took = times.whole.then_some(times.last_byte);
         self.watch(times.frame, took, None);
         if !times.whole {
             return;
         }
         self.ahead += u64::from(times.attitude_age_s < 0.0);
-        // NaN is no age. Infinity becomes the longest duration.
+        // NaN is ignored. Infinity becomes the maximum duration.
         if !times.attitude_age_s.is_nan() {
             let age = Duration::try_from_secs_f64(times.attitude_age_s.max(0.0));
             self.attitude_age.add(age.unwrap_or(Duration::MAX));
         }
         self.first_pixel.add(times.first_pixel);
         self.last_pixel.add(times.last_pixel);
-        self.first_octet.add(times.first_octet);
-        self.last_octet.add(times.last_octet);
+        self.first_byte.add(times.first_byte);
+        self.last_byte.add(times.last_byte);
     }
 
     /// Adds exposures without a frame, `before it` or `after it`.
@@ -180,13 +180,14 @@ impl Latencies {
         }
     }
 
-    /// Likewise for frames beyond `watch_above`. Incomplete frames are beyond any time.
+    /// Notes the frame beyond `watch_above` with the lowest number. Incomplete frames are beyond
+    /// any limit.
     fn watch(&mut self, frame: u32, took: Option<Duration>, unexposed: Option<&'static str>) {
-        let Some(most) = self.watch_above else { return };
-        if took.is_none_or(|took| took > most) {
+        let Some(max) = self.watch_above else { return };
+        if took.is_none_or(|took| took > max) {
             let slow = Slow {
                 frame,
-                last_octet: took,
+                last_byte: took,
                 unexposed,
             };
             let first = self.first_above.get_or_insert(slow);
@@ -202,8 +203,8 @@ impl Latencies {
         [
             ("first_pixel", &self.first_pixel),
             ("last_pixel", &self.last_pixel),
-            ("first_octet", &self.first_octet),
-            ("last_octet", &self.last_octet),
+            ("first_octet", &self.first_byte),
+            ("last_octet", &self.last_byte),
         ]
     }
 
@@ -211,7 +212,7 @@ impl Latencies {
     #[must_use]
     pub fn rows(&self) -> Vec<(String, String)> {
         let mut rows = self.stage_rows();
-        rows.push(row("deadlines missed", self.told_missed()));
+        rows.push(row("deadlines missed", self.missed_text()));
         rows
     }
 
@@ -233,7 +234,7 @@ impl Latencies {
     }
 
     /// `3 of 1000 (first: frame 17, late by 4.20 ms)`.
-    fn told_missed(&self) -> String {
+    fn missed_text(&self) -> String {
         let incomplete = match self.incomplete {
             0 => String::new(),
             count => format!(", {count} not whole"),
@@ -243,7 +244,7 @@ impl Latencies {
             count => format!(", {count} without a frame"),
         };
         let first = self.first_miss.map_or(String::new(), |miss| {
-            format!(" (first: frame {}, {})", miss.frame, miss.told())
+            format!(" (first: frame {}, {})", miss.frame, miss.describe())
         });
         format!(
             "{} of {}{incomplete}{without}{first}",
@@ -302,15 +303,15 @@ mod tests {
 
     const MS: Duration = Duration::from_millis(1);
 
-    /// A frame whose stages come 1, 2, 3 and `last` ms after the trigger, the deadline at 10 ms.
+    /// A frame with stages 1, 2, 3 and `last_ms` ms after the trigger, and the deadline at 10 ms.
     fn frame(frame: u32, last_ms: u32) -> FrameTimes {
         FrameTimes {
             frame,
             attitude_age_s: 0.05,
             first_pixel: MS,
             last_pixel: 2 * MS,
-            first_octet: 3 * MS,
-            last_octet: last_ms * MS,
+            first_byte: 3 * MS,
+            last_byte: last_ms * MS,
             spare_s: (10.0 - f64::from(last_ms)) * 1e-3,
             whole: true,
         }
@@ -321,7 +322,7 @@ mod tests {
     }
 
     #[test]
-    fn what_has_no_deadline_misses_none() {
+    fn frame_without_a_deadline_misses_none() {
         let mut all = Latencies::default();
         all.add(&FrameTimes {
             spare_s: f64::INFINITY,
@@ -334,7 +335,7 @@ mod tests {
     }
 
     #[test]
-    fn the_rows_have_each_stage_and_the_first_miss() {
+    fn rows_have_each_stage_and_the_first_miss() {
         let mut all = Latencies::default();
         for number in 1..=100 {
             all.add(&frame(
@@ -345,8 +346,7 @@ mod tests {
         let rows = all.rows();
         let quantiles = value(&rows, "from the trigger");
         assert_eq!(quantiles, "p50 / p90 / p99 / p99.9 / max");
-        // X-Val: by hand: two of a hundred take 14 ms. Quantiles between the ends are 0.5 % off at
-        // most.
+        // X-Val: by hand: two of a hundred take 14 ms. Inner quantiles are exact to 0.5 %.
         let last: Vec<f64> = value(&rows, "to the last octet")
             .trim_end_matches(" ms")
             .split(" / ")
@@ -365,7 +365,7 @@ mod tests {
     }
 
     #[test]
-    fn a_frame_that_is_not_whole_is_missed_and_has_no_times() {
+    fn incomplete_frame_is_missed_and_has_no_times() {
         let mut all = Latencies::default();
         all.add(&FrameTimes {
             whole: false,
@@ -378,7 +378,7 @@ mod tests {
         assert_eq!(value(&rows, "to the last octet"), "none");
         let missed = value(&rows, "deadlines missed");
         assert_eq!(missed, "1 of 1, 1 not whole (first: frame 3, not whole)");
-        // The first stays the first.
+        // A later miss does not replace the first.
         all.add(&frame(4, 12));
         assert_eq!(all.first_miss.unwrap().frame, 3);
         let rows = Latencies::default().rows();
@@ -386,7 +386,7 @@ mod tests {
     }
 
     #[test]
-    fn exposures_without_a_frame_are_missed_and_the_first_is_the_lowest() {
+    fn exposures_without_a_frame_are_missed() {
         let mut all = Latencies::default();
         all.add(&frame(9, 12));
         all.add_without_frame(0, 3, "before it");
@@ -397,31 +397,31 @@ mod tests {
         let missed =
             "4 of 4, 2 without a frame (first: frame 7, an exposure before it has no frame)";
         assert_eq!(value(&all.rows(), "deadlines missed"), missed);
-        // One that is told of late was still the first.
+        // A miss reported later with a lower number is the first.
         all.add(&FrameTimes::incomplete(5));
-        assert_eq!(all.first_miss.unwrap().told(), "not whole");
+        assert_eq!(all.first_miss.unwrap().describe(), "not whole");
     }
 
     #[test]
-    fn the_deadline_itself_is_kept() {
+    fn frame_at_the_deadline_is_in_time() {
         let mut all = Latencies::default();
         all.add(&frame(1, 10));
         assert_eq!(all.missed, 0);
     }
 
     #[test]
-    fn the_first_frame_above_what_is_watched_for_is_remembered() {
+    fn first_frame_above_the_watched_time_is_noted() {
         let mut all = Latencies::watching(Some(8 * MS));
         for (number, last_ms) in [(1, 7), (2, 8), (4, 20), (3, 9)] {
             all.add(&frame(number, last_ms));
         }
-        let slow = |last_octet, unexposed| Slow {
+        let slow = |last_byte, unexposed| Slow {
             frame: 3,
-            last_octet,
+            last_byte,
             unexposed,
         };
         assert_eq!(all.first_above, Some(slow(Some(9 * MS), None)));
-        // What never came whole took longer than all.
+        // An incomplete frame counts as the slowest.
         let mut lost = Latencies::watching(Some(8 * MS));
         lost.add(&FrameTimes::incomplete(3));
         assert_eq!(lost.first_above, Some(slow(None, None)));
@@ -434,7 +434,7 @@ mod tests {
     }
 
     #[test]
-    fn numbers_that_are_none_are_missed_and_nothing_panics() {
+    fn invalid_numbers_are_missed_without_a_panic() {
         let hard = [
             f64::NAN,
             f64::INFINITY,
@@ -449,11 +449,11 @@ mod tests {
                 all.add(&FrameTimes {
                     attitude_age_s,
                     spare_s,
-                    last_octet: Duration::MAX,
+                    last_byte: Duration::MAX,
                     ..frame(1, 4)
                 });
-                let kept = spare_s >= 0.0;
-                assert_eq!(all.missed, u64::from(!kept), "{spare_s}");
+                let in_time = spare_s >= 0.0;
+                assert_eq!(all.missed, u64::from(!in_time), "{spare_s}");
                 let aged = u64::from(!attitude_age_s.is_nan());
                 assert_eq!(all.attitude_age.count(), aged, "{attitude_age_s}");
                 assert_eq!(all.ahead, u64::from(attitude_age_s < 0.0));
@@ -464,7 +464,7 @@ mod tests {
     }
 
     #[test]
-    fn the_report_has_the_quantiles_of_each_stage_in_ms() {
+    fn report_has_the_quantiles_of_each_stage_in_ms() {
         let mut all = Latencies::watching(Some(8 * MS));
         all.add(&frame(5, 12));
         all.add(&FrameTimes {

@@ -6,7 +6,6 @@ use skyloop::timing::{FrameTimes, Latencies};
 use std::collections::BTreeSet;
 use std::io::{Read, Write};
 use std::net::TcpStream;
-use std::time::Duration;
 
 /// The description of the packets, which has the counters.
 const PACKETS: &str = include_str!("../../protocols/schema/packets.toml");
@@ -15,14 +14,9 @@ const PACKETS: &str = include_str!("../../protocols/schema/packets.toml");
 fn served(counters: Vec<(&'static str, u32)>) -> String {
     let mut latencies = Latencies::default();
     latencies.add(&FrameTimes {
-        frame: 1,
-        attitude_age_s: 0.0,
-        first_pixel: Duration::ZERO,
-        last_pixel: Duration::ZERO,
-        first_octet: Duration::ZERO,
-        last_octet: Duration::ZERO,
         spare_s: 0.0,
         whole: true,
+        ..FrameTimes::incomplete(1)
     });
     let mut snapshot = Snapshot::of(&latencies);
     snapshot.withheld = vec![("", 1)];

@@ -57,7 +57,7 @@ impl Joining {
                 .try_iter()
                 .for_each(|arrival| self.arrived(arrival));
             self.drop_overdue(Instant::now());
-            self.memory.see(begin.elapsed());
+            self.memory.sample(begin.elapsed());
         }
         let over = Instant::now() + GRACE;
         while !self.in_flight.is_empty() {
@@ -130,7 +130,7 @@ impl Joining {
             && let Some(camera) = self.cameras.get_mut(camera)
         {
             let since = at.saturating_duration_since(begin);
-            camera.drift.see(since, exposure.end, at);
+            camera.drift.add(since, exposure.end, at);
         }
     }
 

@@ -12,13 +12,13 @@ pub struct Memory {
     pub warm: Option<u64>,
     /// Memory at the end, bytes.
     pub end: Option<u64>,
-    /// When that was read, after the start.
+    /// Time of the last reading, after the start.
     #[serde(skip)]
-    pub looked: Option<Duration>,
+    pub sampled: Option<Duration>,
 }
 
-/// Minimum interval of readings, which take as long as some packets.
-const EACH: Duration = Duration::from_millis(500);
+/// Minimum interval of readings, which are slow compared with packets.
+const MIN_INTERVAL: Duration = Duration::from_millis(500);
 
 impl Memory {
     /// For a run of this length. It is warm after a fifth of it, or after a minute.
@@ -31,13 +31,13 @@ impl Memory {
     }
 
     /// Reads the memory, if it is due.
-    pub fn see(&mut self, since: Duration) {
+    pub fn sample(&mut self, since: Duration) {
         let warms = self.warm.is_none() && since.as_secs_f64() >= self.warm_s;
-        let is_soon = |last| since.saturating_sub(last) < EACH;
-        if !warms && self.looked.is_some_and(is_soon) {
+        let is_soon = |last| since.saturating_sub(last) < MIN_INTERVAL;
+        if !warms && self.sampled.is_some_and(is_soon) {
             return;
         }
-        (self.end, self.looked) = (resident(), Some(since));
+        (self.end, self.sampled) = (resident(), Some(since));
         if warms {
             self.warm = self.end;
         }
@@ -53,7 +53,7 @@ impl Memory {
     /// `98.40 MB after 60 s, 98.65 MB at the end (+0.26 %)`; `98.65 MB at the end, before it was
     /// warm (60 s)`.
     #[must_use]
-    pub fn told(&self) -> String {
+    pub fn describe(&self) -> String {
         let megabytes = |bytes: Option<u64>| {
             bytes.map_or("unknown".to_string(), |bytes| {
                 format!("{:.2} MB", bytes as f64 * 1e-6)
@@ -73,10 +73,10 @@ impl Memory {
         )
     }
 
-    /// When it was warm: `60`, `0.6`.
+    /// Text of the warm-up time: `60`, `0.6`.
     fn after(&self) -> String {
-        let dn = usize::from(self.warm_s < 10.0);
-        format!("{:.dn$}", self.warm_s)
+        let decimals = usize::from(self.warm_s < 10.0);
+        format!("{:.decimals$}", self.warm_s)
     }
 }
 
@@ -85,7 +85,7 @@ fn resident() -> Option<u64> {
     of_status(&std::fs::read_to_string("/proc/self/status").ok()?)
 }
 
-/// The same from the text of Linux' `status` file of a process.
+/// Resident memory in a `status` file of Linux.
 fn of_status(text: &str) -> Option<u64> {
     let line = text.lines().find_map(|line| line.strip_prefix("VmRSS:"))?;
     let kilobytes: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
@@ -113,14 +113,14 @@ mod tests {
 
     #[cfg(target_os = "linux")]
     #[test]
-    fn what_is_taken_is_seen() {
+    fn allocated_memory_is_detected() {
         let mut memory = Memory::over(Duration::from_secs(50));
-        memory.see(Duration::from_secs(9));
+        memory.sample(Duration::from_secs(9));
         assert_eq!((memory.warm, memory.growth()), (None, None));
-        memory.see(Duration::from_secs(10));
+        memory.sample(Duration::from_secs(10));
         assert!(memory.warm > Some(0));
-        // Touched, page by page. X-Val: 2^27 octets; other tests take and give back some meanwhile,
-        // but not each time as much.
+        // Written page by page. X-Val: 2^27 bytes; other tests allocate and free meanwhile, but not
+        // as much each time.
         let grows = |_| {
             let before = resident().unwrap();
             let taken = vec![1_u8; 1 << 27];
@@ -128,7 +128,7 @@ mod tests {
             grown > 0.5 * taken.len() as f64
         };
         assert!((0..20).any(grows));
-        memory.see(Duration::from_secs(11));
+        memory.sample(Duration::from_secs(11));
         assert!(
             memory.end > Some(0) && memory.growth().is_some(),
             "{memory:?}"
@@ -136,15 +136,15 @@ mod tests {
     }
 
     #[test]
-    fn it_is_told_as_far_as_it_is_known() {
+    fn description_has_the_known_values() {
         let memory = Memory {
             warm_s: 60.0,
             warm: Some(98_400_000),
             end: Some(98_650_000),
-            looked: None,
+            sampled: None,
         };
         assert_eq!(
-            memory.told(),
+            memory.describe(),
             "98.40 MB after 60 s, 98.65 MB at the end (+0.25 %)"
         );
         let stopped = Memory {
@@ -152,11 +152,11 @@ mod tests {
             ..memory
         };
         assert_eq!(
-            stopped.told(),
+            stopped.describe(),
             "98.65 MB at the end, before it was warm (60 s)"
         );
         assert_eq!(
-            Memory::over(Duration::MAX).told(),
+            Memory::over(Duration::MAX).describe(),
             "unknown after 60 s, unknown at the end"
         );
     }

@@ -5,10 +5,10 @@ use std::net::{Shutdown, TcpStream};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-/// How long a request may take to come, and an answer to go.
+/// Maximum time to receive a request, and to send an answer.
 const TIMEOUT: Duration = Duration::from_secs(2);
-/// How long a client may still send after the answer.
-const LEAVE: Duration = Duration::from_millis(200);
+/// Maximum time to drain the request after the answer.
+const DRAIN_TIME: Duration = Duration::from_millis(200);
 /// Timeout of one read or write, after which the state is checked.
 const STEP: Duration = Duration::from_millis(50);
 /// Maximum bytes of a request's line and headers.
@@ -26,7 +26,7 @@ enum Verdict {
     TooLong,
 }
 
-/// How far a connection has come.
+/// Progress of a connection.
 #[derive(Debug, Default)]
 pub(super) struct State {
     has_requested: AtomicBool,
@@ -34,17 +34,17 @@ pub(super) struct State {
 }
 
 impl State {
-    /// Whether its request has come whole.
+    /// Whether its request is complete.
     pub fn has_requested(&self) -> bool {
         self.has_requested.load(Ordering::Relaxed)
     }
 
-    /// Whether it has been answered or given up.
+    /// Whether it has been answered or abandoned.
     pub fn is_over(&self) -> bool {
         self.is_over.load(Ordering::Relaxed)
     }
 
-    /// It is over.
+    /// Marks it as over.
     pub fn end(&self) {
         self.is_over.store(true, Ordering::Relaxed);
     }
@@ -70,10 +70,10 @@ pub(super) fn answer(
         send(&mut stream, body.as_bytes(), state)?;
     }
     stream.shutdown(Shutdown::Write)?;
-    take_leave(&mut stream, state)
+    drain_request(&mut stream, state)
 }
 
-/// Whether an error is only the timeout of a step.
+/// Whether an error is a timeout of a step.
 fn is_pause(error: &io::Error) -> bool {
     use io::ErrorKind::{Interrupted, TimedOut, WouldBlock};
     matches!(error.kind(), Interrupted | TimedOut | WouldBlock)
@@ -93,7 +93,7 @@ fn receive(stream: &mut impl Read, state: &State) -> io::Result<Option<(Verdict,
             Err(error) => return Err(error),
         }
         if is_whole(&head, before) {
-            return Ok(Some((judge(&head), head.starts_with(b"HEAD "))));
+            return Ok(Some((check(&head), head.starts_with(b"HEAD "))));
         }
         if head.len() > MAX {
             return Ok(Some((Verdict::TooLong, false)));
@@ -105,15 +105,15 @@ fn receive(stream: &mut impl Read, state: &State) -> io::Result<Option<(Verdict,
     Ok(None)
 }
 
-/// Whether the headers are complete within [`MOST`]. The first `before` bytes were not.
+/// Whether the headers are complete within [`MAX`]. The first `before` bytes were not.
 fn is_whole(head: &[u8], before: usize) -> bool {
     let head = head.get(..MAX).unwrap_or(head);
-    let notices = head.get(before.saturating_sub(3)..).unwrap_or_default();
-    let ends = |end: &[u8]| notices.windows(end.len()).any(|piece| piece == end);
+    let new = head.get(before.saturating_sub(3)..).unwrap_or_default();
+    let ends = |end: &[u8]| new.windows(end.len()).any(|piece| piece == end);
     ends(b"\r\n\r\n") || ends(b"\n\n")
 }
 
-fn judge(head: &[u8]) -> Verdict {
+fn check(head: &[u8]) -> Verdict {
     let line = head.split(|byte| *byte == b'\n').next().unwrap_or(head);
     let line = line.strip_suffix(b"\r").unwrap_or(line);
     let Ok(line) = std::str::from_utf8(line) else {
@@ -139,17 +139,21 @@ fn response(verdict: Verdict, page: impl Fn() -> String) -> (String, String) {
     let (status, more, body) = match verdict {
         Verdict::Page => ("200 OK", "", page()),
         Verdict::BadRequest => ("400 Bad Request", "", "not a request of HTTP/1.1\n".into()),
-        Verdict::NotFound => ("404 Not Found", "", "ask for /metrics\n".into()),
+        Verdict::NotFound => ("404 Not Found", "", "request /metrics\n".into()),
         Verdict::NotAllowed => (
             "405 Method Not Allowed",
             "Allow: GET, HEAD\r\n",
-            "ask with GET\n".into(),
+            "use GET\n".into(),
         ),
-        Verdict::TimedOut => ("408 Request Timeout", "", "ask within 2 s\n".into()),
+        Verdict::TimedOut => (
+            "408 Request Timeout",
+            "",
+            "send the request within 2 s\n".into(),
+        ),
         Verdict::TooLong => (
             "431 Request Header Fields Too Large",
             "",
-            "ask in 8 KiB\n".into(),
+            "send at most 8 KiB\n".into(),
         ),
     };
     let kind = match verdict {
@@ -180,8 +184,8 @@ fn send(stream: &mut impl Write, mut rest: &[u8], state: &State) -> io::Result<(
 }
 
 /// Reads the rest of the request: closing with unread bytes would reset the connection.
-fn take_leave(stream: &mut impl Read, state: &State) -> io::Result<()> {
-    let end = Instant::now() + LEAVE;
+fn drain_request(stream: &mut impl Read, state: &State) -> io::Result<()> {
+    let end = Instant::now() + DRAIN_TIME;
     let mut piece = [0; 1024];
     while Instant::now() < end && !state.is_over() {
         match stream.read(&mut piece) {
@@ -196,7 +200,7 @@ fn take_leave(stream: &mut impl Read, state: &State) -> io::Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::metrics::{AT_ONCE, Metrics, Server, serve};
+    use crate::metrics::{MAX_CONNECTIONS, Metrics, Server, serve};
 
     fn server() -> Server {
         serve("0", vec![Metrics::default()]).unwrap()
@@ -211,7 +215,7 @@ mod tests {
         stream
     }
 
-    fn ask(server: &Server, request: &[u8]) -> String {
+    fn send_request(server: &Server, request: &[u8]) -> String {
         let mut stream = connect(server);
         stream.write_all(request).unwrap();
         let mut answer = String::new();
@@ -225,7 +229,7 @@ mod tests {
         let request = b"GET /metrics HTTP/1.1\r\nHost: x\r\nAccept: */*\r\n\r\n";
         // Many in turn.
         for _ in 0..20 {
-            let answer = ask(&server, request);
+            let answer = send_request(&server, request);
             let (head, body) = answer.split_once("\r\n\r\n").unwrap();
             let mut lines = head.split("\r\n");
             assert_eq!(lines.next(), Some("HTTP/1.1 200 OK"));
@@ -243,10 +247,10 @@ mod tests {
 
     /// X-Val: RFC 9110, section 9.3.2: as of GET, without content.
     #[test]
-    fn a_head_is_the_pages_without_it() {
+    fn head_request_gets_the_headers_only() {
         let server = server();
         for (target, status) in [("/metrics", "200 OK"), ("/", "404 Not Found")] {
-            let answer = ask(
+            let answer = send_request(
                 &server,
                 format!("HEAD {target} HTTP/1.1\r\n\r\n").as_bytes(),
             );
@@ -263,7 +267,7 @@ mod tests {
     }
 
     #[test]
-    fn what_else_is_asked_for_is_refused() {
+    fn other_requests_are_refused() {
         let server = server();
         for (request, status) in [
             ("GET / HTTP/1.1\r\n\r\n", "404"),
@@ -281,33 +285,33 @@ mod tests {
             ("GET /metrics HTTP/2\r\n\r\n", "400"),
             ("\r\n\r\n", "400"),
         ] {
-            let answer = ask(&server, request.as_bytes());
+            let answer = send_request(&server, request.as_bytes());
             let begins = format!("HTTP/1.1 {status} ");
             assert!(answer.starts_with(&begins), "{request:?}: {answer}");
         }
-        let answer = ask(&server, b"\xFF\xFE /metrics HTTP/1.1\r\n\r\n");
+        let answer = send_request(&server, b"\xFF\xFE /metrics HTTP/1.1\r\n\r\n");
         assert!(answer.starts_with("HTTP/1.1 400 "), "{answer}");
-        let answer = ask(&server, b"PUT /metrics HTTP/1.1\r\n\r\n");
+        let answer = send_request(&server, b"PUT /metrics HTTP/1.1\r\n\r\n");
         assert!(answer.contains("\r\nAllow: GET, HEAD\r\n"), "{answer}");
     }
 
     #[test]
-    fn a_request_that_is_too_long_is_cut_off() {
+    fn too_long_request_is_refused() {
         let server = server();
         let long = "a".repeat(2 * MAX);
         for request in [
             format!("GET /{long}"),
             format!("GET /metrics HTTP/1.1\r\nX: {long}"),
         ] {
-            let answer = ask(&server, request.as_bytes());
+            let answer = send_request(&server, request.as_bytes());
             assert!(answer.starts_with("HTTP/1.1 431 "), "{answer}");
         }
     }
 
-    /// A scrape takes the place of the oldest connection, which closes without an answer; those
-    /// that stay are cut off after their time.
+    /// A scrape replaces the oldest connection, which closes without an answer; the others time
+    /// out.
     #[test]
-    fn half_open_connections_give_way_to_a_scrape() {
+    fn scrape_replaces_the_oldest_half_open_connections() {
         for idle in [40, 129, 500] {
             let server = server();
             let mut slow: Vec<TcpStream> = (0..idle).map(|_| connect(&server)).collect();
@@ -315,7 +319,7 @@ mod tests {
                 // The first may have been closed already.
                 let _ = stream.write_all(b"GET /metrics HTTP/1.1\r\nHost:");
             }
-            let answer = ask(&server, b"GET /metrics HTTP/1.1\r\n\r\n");
+            let answer = send_request(&server, b"GET /metrics HTTP/1.1\r\n\r\n");
             assert!(answer.starts_with("HTTP/1.1 200 "), "{answer}");
             let answers = slow.into_iter().map(|mut stream| {
                 let mut answer = Vec::new();
@@ -324,9 +328,9 @@ mod tests {
                 String::from_utf8(answer).unwrap()
             });
             let answers: Vec<String> = answers.collect();
-            let first_kept = idle - (AT_ONCE - 1);
+            let first_open = idle - (MAX_CONNECTIONS - 1);
             for (at, answer) in answers.iter().enumerate() {
-                let begins = if at < first_kept { "" } else { "HTTP/1.1 408 " };
+                let begins = if at < first_open { "" } else { "HTTP/1.1 408 " };
                 assert!(answer.starts_with(begins), "{at} of {idle}: {answer}");
                 assert_eq!(answer.is_empty(), begins.is_empty(), "{at} of {idle}");
             }
@@ -334,12 +338,12 @@ mod tests {
     }
 
     #[test]
-    fn it_ends_with_its_handle_and_clients_that_say_nothing() {
+    fn server_ends_with_its_handle_despite_silent_clients() {
         let server = server();
         let mut silent = connect(&server);
         silent.write_all(b"GET").unwrap();
         let _second = connect(&server);
-        // Within what a request may take; how fast depends on what else the machine does.
+        // The bound is wide: the time depends on other load of the machine.
         let started = Instant::now();
         drop(server);
         assert!(started.elapsed() < Duration::from_secs(60));
@@ -349,14 +353,14 @@ mod tests {
         assert!(answer.is_empty());
     }
 
-    /// What a client takes: so many octets at a time, or none.
+    /// A client that takes this many bytes at a time, or none.
     struct Client(usize);
 
     impl Write for Client {
         fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
             match self.0 {
                 0 => Err(io::ErrorKind::WouldBlock.into()),
-                most => Ok(most.min(bytes.len())),
+                max => Ok(max.min(bytes.len())),
             }
         }
 
@@ -366,7 +370,7 @@ mod tests {
     }
 
     #[test]
-    fn an_answer_is_not_waited_for_without_end() {
+    fn sending_an_answer_times_out() {
         let (go, stop) = (State::default(), State::default());
         stop.end();
         assert!(send(&mut Client(3), &[0; 100], &go).is_ok());
@@ -376,10 +380,10 @@ mod tests {
     }
 
     #[test]
-    fn the_headers_end_within_what_they_may_have() {
+    fn headers_must_end_within_the_limit() {
         let mut head = vec![b'a'; MAX - 4];
         head.extend(b"\r\n\r\n");
-        // However the octets come.
+        // For any division into reads.
         for before in [0, MAX - 4, MAX - 1] {
             assert!(is_whole(&head, before), "{before}");
         }

@@ -12,13 +12,13 @@ pub(super) struct Page {
     names: BTreeSet<String>,
 }
 
-/// Figures with their labels, by camera and link.
+/// Labels and snapshot of a camera or link.
 pub(super) type Of<'c> = (Vec<(&'static str, &'c str)>, &'c Snapshot);
 
-/// Labels of a sample as they are written.
+/// Labels of a sample in the text format.
 fn written(labels: &[(&str, &str)]) -> String {
     let labels = labels.iter().map(|(key, value)| {
-        // Names come from files: no control characters.
+        // Names come from files: control characters are escaped.
         let value = printable(value);
         let value = value.replace('\\', "\\\\").replace('"', "\\\"");
         format!("{key}=\"{}\"", value.replace('\n', "\\n"))
@@ -46,7 +46,7 @@ impl Page {
         let _ = writeln!(self.text, "{name}{} {value}", written(labels));
     }
 
-    /// A metric with a sample of each that knows it.
+    /// Adds a metric with a sample of each known value.
     pub fn family<V: std::fmt::Display>(
         &mut self,
         of: &[Of<'_>],

@@ -4,13 +4,13 @@ use super::Snapshot;
 use super::page::{Of, Page, number};
 use std::sync::Arc;
 
-/// A camera's figures, and what it is called where it is not the first.
+/// A camera's snapshot, and its name if it is not the first.
 pub(super) type Camera = (Option<Arc<str>>, Arc<Snapshot>);
 
-/// A metric's name without `skyloop_`, its help, and its value of a link, where that is known.
-type Figure = (&'static str, &'static str, fn(&Snapshot) -> Option<String>);
+/// Name of a metric without `skyloop_`, help, and value of a link, if known.
+type Metric = (&'static str, &'static str, fn(&Snapshot) -> Option<String>);
 
-const FRAMES: [Figure; 3] = [
+const FRAMES: [Metric; 3] = [
     (
         "frames_total",
         "Frames to send, complete or not; exposures without a frame count in exposures_missed.",
@@ -28,7 +28,7 @@ const FRAMES: [Figure; 3] = [
     ),
 ];
 
-const REQUESTS: [Figure; 2] = [
+const REQUESTS: [Metric; 2] = [
     (
         "link_frames_requested_total",
         "Requests for frames: delivered, withheld, or in flight.",
@@ -41,7 +41,7 @@ const REQUESTS: [Figure; 2] = [
     ),
 ];
 
-const LAST_FRAME: [Figure; 6] = [
+const LAST_FRAME: [Metric; 6] = [
     (
         "exposure_start_timestamp_seconds",
         "Start of the last frame's exposure, since 1970.",
@@ -74,8 +74,8 @@ const LAST_FRAME: [Figure; 6] = [
     ),
 ];
 
-/// The page of all cameras; the first has no name. Unknown figures are omitted, and so are counters
-/// with the name of a metric.
+/// The page of all cameras; the first has no name. Omits unknown values, and counters with the name
+/// of a metric.
 pub(super) fn page(cameras: &[Camera]) -> String {
     let mut page = Page::default();
     let cameras: Vec<Of<'_>> = cameras
@@ -91,7 +91,7 @@ pub(super) fn page(cameras: &[Camera]) -> String {
         }
     }
     families(&mut page, &links, "counter", &FRAMES);
-    accounts(&mut page, &links);
+    request_counters(&mut page, &links);
     let latency = "skyloop_latency_seconds";
     let help = "Time from the trigger of a frame to a stage, of complete frames; bounds of buckets are exact to 0.5 %.";
     if links.iter().any(|(_, of)| !of.stages.is_empty()) && page.begin(latency, "histogram", help) {
@@ -126,14 +126,14 @@ pub(super) fn page(cameras: &[Camera]) -> String {
 }
 
 /// Adds metrics that have a sample of each link.
-fn families(page: &mut Page, links: &[Of<'_>], kind: &str, figures: &[Figure]) {
-    for (name, help, value) in figures {
+fn families(page: &mut Page, links: &[Of<'_>], kind: &str, metrics: &[Metric]) {
+    for (name, help, value) in metrics {
         page.family(links, (&format!("skyloop_{name}"), kind, help), value);
     }
 }
 
 /// How the requests for the frames of each link ended.
-fn accounts(page: &mut Page, links: &[Of<'_>]) {
+fn request_counters(page: &mut Page, links: &[Of<'_>]) {
     families(page, links, "counter", &REQUESTS);
     let name = "skyloop_link_frames_withheld_total";
     let help = "Requests whose frame was not sent completely, by cause.";
@@ -156,14 +156,14 @@ mod tests {
 
     type Labels = BTreeMap<String, String>;
 
-    /// A metric as it is read back: its type, and its samples by name and labels.
+    /// A parsed metric: its type, and its samples by name and labels.
     #[derive(Debug, Default)]
     struct Family {
         kind: String,
         samples: Vec<(String, Labels, f64)>,
     }
 
-    /// Reads a page as strictly as the format allows: what is not said to be allowed panics.
+    /// Parses a page strictly; panics if the format does not allow it.
     fn read(text: &str) -> BTreeMap<String, Family> {
         assert!(text.ends_with('\n'));
         let mut families: BTreeMap<String, Family> = BTreeMap::new();
@@ -232,10 +232,10 @@ mod tests {
             (key.to_string(), value.to_string())
         };
         let labels = labels.split(',').filter(|text| !text.is_empty()).map(label);
-        (name.to_string(), labels.collect(), figure(value))
+        (name.to_string(), labels.collect(), parse_number(value))
     }
 
-    fn figure(text: &str) -> f64 {
+    fn parse_number(text: &str) -> f64 {
         match text {
             "+Inf" => f64::INFINITY,
             "-Inf" => f64::NEG_INFINITY,
@@ -265,7 +265,7 @@ mod tests {
             let le = labels.remove("le");
             assert_eq!(le.is_some(), sample.ends_with("_bucket"), "{sample}");
             let buckets = series.entry(labels).or_default();
-            buckets.extend(le.map(|le| (figure(&le), *value)));
+            buckets.extend(le.map(|le| (parse_number(&le), *value)));
         }
         for (labels, buckets) in series {
             let rising = |pair: &[(f64, f64)]| pair[0].0 < pair[1].0 && pair[0].1 <= pair[1].1;
@@ -293,7 +293,7 @@ mod tests {
         *value
     }
 
-    /// A hundred frames whose last octets leave after 1 to 100 ms, one that is not whole.
+    /// A hundred frames whose last bytes leave after 1 to 100 ms, and an incomplete one.
     fn run() -> Latencies {
         let mut all = Latencies::default();
         for number in 0..=100 {
@@ -302,8 +302,8 @@ mod tests {
                 attitude_age_s: 0.01,
                 first_pixel: Duration::from_micros(150),
                 last_pixel: Duration::from_micros(700),
-                first_octet: Duration::from_micros(900),
-                last_octet: number * Duration::from_millis(1),
+                first_byte: Duration::from_micros(900),
+                last_byte: number * Duration::from_millis(1),
                 spare_s: 0.0905 - f64::from(number) * 1e-3,
                 whole: number > 0,
             });
@@ -323,7 +323,7 @@ mod tests {
         let families = read(&page(&[(None, snapshot.into())]));
         for (name, expected) in [
             ("skyloop_frames_total", 101.0),
-            // X-Val: by hand: 91 to 100 ms are late, and one is not whole.
+            // X-Val: by hand: 91 to 100 ms are late, and one is incomplete.
             ("skyloop_deadlines_missed_total", 11.0),
             ("skyloop_frames_incomplete_total", 1.0),
             ("skyloop_attitudes_total", 7.0),
@@ -366,7 +366,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_known_is_left_out_and_no_name_stands_twice() {
+    fn unknown_values_and_duplicate_names_are_omitted() {
         let families = read(&page(&[(None, Snapshot::default().into())]));
         assert!(!families.contains_key("skyloop_clock_offset_seconds"));
         assert!(!families.contains_key("skyloop_latency_seconds"));
@@ -425,7 +425,7 @@ mod tests {
     }
 
     #[test]
-    fn any_number_can_be_written() {
+    fn all_numbers_can_be_written() {
         for hard in [
             f64::NAN,
             f64::INFINITY,
@@ -446,17 +446,10 @@ mod tests {
         }
         let mut longest = Latencies::default();
         longest.add(&FrameTimes {
-            last_octet: Duration::MAX,
-            ..FrameTimes {
-                frame: 1,
-                attitude_age_s: 0.0,
-                first_pixel: Duration::ZERO,
-                last_pixel: Duration::ZERO,
-                first_octet: Duration::ZERO,
-                last_octet: Duration::ZERO,
-                spare_s: 0.0,
-                whole: true,
-            }
+            last_byte: Duration::MAX,
+            spare_s: 0.0,
+            whole: true,
+            ..FrameTimes::incomplete(1)
         });
         read(&page(&[(None, Snapshot::of(&longest).into())]));
     }

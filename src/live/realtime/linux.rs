@@ -12,7 +12,7 @@ use thread_priority::{
 
 /// Sets SCHED_FIFO for the calling thread.
 pub(super) fn schedule(priority: u8) -> Result<(), String> {
-    // For a real-time policy the crate passes the value on unchanged.
+    // With a real-time policy the crate does not change the value.
     let value = ThreadPriorityValue::try_from(priority)
         .map_err(|why| format!("{why}: priorities are 1 to 99"))?;
     let fifo = ThreadSchedulePolicy::Realtime(RealtimeThreadSchedulePolicy::Fifo);
@@ -40,7 +40,7 @@ pub(super) fn lock_memory() -> Result<(), String> {
     let without_limit =
         capabilities(None).is_ok_and(|held| held.effective.contains(CapabilitySet::IPC_LOCK));
     if let Some(bytes) = limit.filter(|_| !without_limit) {
-        // Beyond the limit a locked process would get no more memory, and end.
+        // Beyond the limit a process with locked memory could not allocate, and would abort.
         return Err(format!(
             "limit of {} KiB: run as root, with CAP_IPC_LOCK, or with ulimit -l unlimited",
             bytes / 1024
@@ -60,8 +60,8 @@ pub(super) fn lock_memory() -> Result<(), String> {
 /// Restricts the calling thread to the processors that exist; returns them.
 pub(super) fn run_on(cpus: &[usize]) -> Result<Vec<usize>, String> {
     let mut set = CpuSet::new();
-    let told = cpus.iter().filter(|cpu| **cpu < CpuSet::MAX_CPU);
-    told.for_each(|cpu| set.set(*cpu));
+    let valid = cpus.iter().filter(|cpu| **cpu < CpuSet::MAX_CPU);
+    valid.for_each(|cpu| set.set(*cpu));
     let granted = sched_setaffinity(None, &set).and_then(|()| sched_getaffinity(None));
     let granted = granted.map_err(|why| match why {
         Errno::INVAL => "none is there, or for this process: see nproc and taskset -p".to_string(),
@@ -81,12 +81,12 @@ mod tests {
         thread_schedule_policy_param,
     };
 
-    /// On a thread of its own, which takes with it what it was granted.
+    /// Runs `work` on a separate thread, so that its settings end with it.
     fn alone<T: Send>(work: impl FnOnce() -> T + Send) -> T {
         std::thread::scope(|scope| scope.spawn(work).join().unwrap())
     }
 
-    /// Without capabilities, whoever runs the tests.
+    /// Without capabilities, even if root runs the tests.
     fn without_capabilities(requested: &Requested) -> Granted {
         alone(|| {
             let mut held = capabilities(None).unwrap();
@@ -123,48 +123,53 @@ mod tests {
     }
 
     #[test]
-    fn a_priority_that_is_granted_is_the_threads_and_of_those_that_it_starts() {
+    fn granted_priority_is_inherited_by_started_threads() {
         alone(|| {
             let granted = ask(&priority(7));
             let expected = granted.is_all().then_some(7);
             assert_eq!(fifo(), expected, "{granted}");
             assert_eq!(std::thread::spawn(fifo).join().unwrap(), expected);
         });
-        // The thread that runs the test is as it was.
+        // The thread of the test is unchanged.
         assert_eq!(fifo(), None);
     }
 
-    /// Without capabilities it is granted where a limit allows it, and else told as refused, with
-    /// the remedy.
+    /// Without capabilities a setting is granted if a limit allows it, else refused with the
+    /// remedy.
     #[track_caller]
-    fn is_up_to_a_limit(requested: &Requested, allowed: bool, granted: &[&str], refused: &[&str]) {
-        let told = without_capabilities(requested);
-        assert_eq!(told.is_all(), allowed, "{told}");
-        let text = told.to_string();
+    fn check_up_to_a_limit(
+        requested: &Requested,
+        allowed: bool,
+        granted: &[&str],
+        refused: &[&str],
+    ) {
+        let outcome = without_capabilities(requested);
+        assert_eq!(outcome.is_all(), allowed, "{outcome}");
+        let text = outcome.to_string();
         for word in if allowed { granted } else { refused } {
             assert!(text.contains(word), "no {word:?} in {text}");
         }
     }
 
     #[test]
-    fn a_priority_that_is_not_granted_names_the_capability_and_the_limit() {
-        // A limit that allows it (ulimit -r 99) does without.
-        let most = getrlimit(Resource::Rtprio).current;
-        is_up_to_a_limit(
+    fn refused_priority_names_the_capability_and_the_limit() {
+        // A sufficient limit (ulimit -r 99) needs no capability.
+        let max = getrlimit(Resource::Rtprio).current;
+        check_up_to_a_limit(
             &priority(99),
-            most.is_none_or(|most| most >= 99),
+            max.is_none_or(|max| max >= 99),
             &["SCHED_FIFO 99"],
             &["SCHED_FIFO 99 not granted", "CAP_SYS_NICE", "ulimit -r 99"],
         );
     }
 
     #[test]
-    fn memory_is_not_locked_up_to_a_limit() {
+    fn memory_is_not_locked_under_a_limit() {
         let requested = Requested {
             lock_memory: true,
             ..Requested::default()
         };
-        is_up_to_a_limit(
+        check_up_to_a_limit(
             &requested,
             getrlimit(Resource::Memlock).current.is_none(),
             &["memory locked"],
@@ -173,7 +178,7 @@ mod tests {
     }
 
     #[test]
-    fn a_thread_stays_on_its_processors_and_hands_them_on() {
+    fn affinity_is_inherited_by_started_threads() {
         let all = usable();
         let last = *all.last().unwrap();
         alone(|| {
@@ -181,7 +186,7 @@ mod tests {
             assert_eq!(granted.to_string(), format!("CPU {last}"));
             assert_eq!(usable(), [last]);
             assert_eq!(std::thread::spawn(usable).join().unwrap(), [last]);
-            // Others may be asked for later.
+            // Another request may extend it.
             assert!(ask(&on(&all)).is_all());
             assert_eq!(usable(), all);
         });
@@ -189,9 +194,9 @@ mod tests {
     }
 
     #[test]
-    fn processors_that_are_not_there_are_told_and_the_others_granted() {
+    fn absent_processors_are_reported_and_the_others_granted() {
         let all = usable();
-        // Beyond all machines of today, beyond the kernel's sets, beyond all numbers.
+        // Beyond existing machines, beyond the kernel's sets, beyond all numbers.
         for missing in [1023, 1024, usize::MAX] {
             alone(|| {
                 let granted = ask(&on(&[missing, all[0]]));

@@ -1,4 +1,4 @@
-//! How long a frame takes on a link, level by level, before it is tried.
+//! Estimates the transmission time of a frame on a link for each level of output.
 
 use super::packet_sizes::{Content, HEADER_AND_END, Packets};
 use skyloop_link::{Roles, Wire};
@@ -166,7 +166,7 @@ mod tests {
     use skyloop_link::{self as link, Options};
     use std::sync::Arc;
 
-    /// Octets and time of the built-in scene's 20 windows of 11 x 11 pixels on a bus, in µs.
+    /// Bytes and time (µs) of the built-in scene's 20 windows of 11 x 11 pixels on a bus.
     fn windows_on(bus: &str) -> (usize, f64) {
         let options = Options::default();
         let (mut wire, _port) = link::loopback("memory", &options).unwrap();
@@ -184,34 +184,36 @@ mod tests {
     }
 
     #[test]
-    fn windows_take_what_a_reckoning_by_hand_says() {
-        // X-Val: protocols/docs/icd.md: FrameHeader 86 octets; five windows of 4 + 242 octets, 13
-        // before them and 17 around: 1260, four times; FrameEnd 65. ISO 15765-2, 9.6: 6 octets in a
+    fn windows_take_the_time_computed_by_hand() {
+        // X-Val: protocols/docs/icd.md: FrameHeader 86 bytes; five windows of 4 + 242 bytes, 13
+        // before them and 17 around: 1260, four times; FrameEnd 65. ISO 15765-2, 9.6: 6 bytes in a
         // first frame and 7 in each that follows, on FD 62 and 63. Classic: 1 + 11 frames of the
-        // header, 4 x (1 + 179) of the windows, 1 + 8 of the end, all of 8 octets, 2 of 4 (three
-        // octets of data), and 4 of 2 (one). Bits of a frame: 47 + 8 n, stuffed (33 + 8 n) / 4 more
+        // header, 4 x (1 + 179) of the windows, 1 + 8 of the end, all of 8 bytes, 2 of 4 (three
+        // bytes of data), and 4 of 2 (one). Bits of a frame: 47 + 8 n, stuffed (33 + 8 n) / 4 more
         // at worst (Davis et al. 2007), of random bits 4/31 of that.
         let (bytes, classic) = windows_on("bus?bitrate=1000000&load=1");
         assert_eq!(bytes, 5191);
-        let (least, worst) = (741 * 111 + 2 * 79 + 4 * 63, 741 * 135 + 2 * 95 + 4 * 75);
-        let by_hand = f64::from(least) + f64::from(worst - least) * 4.0 / 31.0;
+        let (min, max) = (741 * 111 + 2 * 79 + 4 * 63, 741 * 135 + 2 * 95 + 4 * 75);
+        let by_hand = f64::from(min) + f64::from(max - min) * 4.0 / 31.0;
         assert!((classic - by_hand).abs() < 2.0, "{classic} {by_hand}");
         assert!((classic - 84_966.0).abs() < 2.0, "{classic}");
-        // FD: 1 frame of the header, 4 x (1 + 19) of the windows and 1 of the end with 64 octets,
+        // FD: 1 frame of the header, 4 x (1 + 19) of the windows and 1 of the end with 64 bytes,
         // one with 25 (in 32), one with 4 and 4 with 2. Of a frame 29 bits at 1 Mbit/s, and 5 + 8 n
-        // + 33 (28 up to 16 octets) at 8 Mbit/s; at worst 4 stuff bits among the former, and among
+        // + 33 (28 up to 16 bytes) at 8 Mbit/s; at worst 4 stuff bits among the former, and among
         // the latter 129, 65, 9 and 5 (ISO 11898-1, 10.4 and 10.5).
         let (_, fd) = windows_on("bus?bitrate=1000000&fd=8000000&load=1");
-        let of = |bits: f64, stuffed: f64| {
-            let (least, worst) = (29.0 + bits / 8.0, 33.0 + (bits + stuffed) / 8.0);
-            least + (worst - least) * 4.0 / 31.0
+        let frame_us = |bits: f64, stuffed: f64| {
+            let (min, max) = (29.0 + bits / 8.0, 33.0 + (bits + stuffed) / 8.0);
+            min + (max - min) * 4.0 / 31.0
         };
-        let by_hand =
-            82.0 * of(550.0, 129.0) + of(294.0, 65.0) + of(65.0, 9.0) + 4.0 * of(49.0, 5.0);
+        let by_hand = 82.0 * frame_us(550.0, 129.0)
+            + frame_us(294.0, 65.0)
+            + frame_us(65.0, 9.0)
+            + 4.0 * frame_us(49.0, 5.0);
         assert!((fd - by_hand).abs() < 2.0, "{fd} {by_hand}");
         assert!((fd - 8_477.0).abs() < 2.0, "{fd}");
-        // What was computed beforehand for the requirements: 69 to 84 ms and 8 to 9 ms; the end
-        // takes 1.1 ms and 0.14 ms more.
+        // Computed for the requirements: 69 to 84 ms and 8 to 9 ms; the end takes 1.1 ms and 0.14
+        // ms more.
         assert!((69_000.0..85_100.0).contains(&classic) && (8_000.0..9_000.0).contains(&fd));
     }
 }

@@ -31,14 +31,14 @@ pub(super) struct Channel {
     pub exchange: Exchange,
     /// Frames to be sent, in this order.
     pub deliveries: VecDeque<Delivery>,
-    /// Packets that never got into the link's queue.
+    /// Packets that never entered the link's queue.
     pub lost: u32,
     /// How the requests for its frames ended.
     pub frames: FrameCounters,
     pub latencies: Latencies,
-    /// The last frame that left whole.
+    /// The last frame that was sent completely.
     pub last: Option<Left>,
-    /// The last frame, which may not have left whole.
+    /// The last frame, complete or not.
     pub latest: Option<Left>,
     pub report_log: ReportLog,
     pub flow: Flow,
@@ -119,7 +119,7 @@ impl Channel {
             add(&mut self.lost, 1);
             if !std::mem::replace(&mut self.exchange.overrun, true) {
                 tracing::warn!(
-                    "{MAX_ANSWERS} answers wait: the client does not read them, or asks for more than the link carries; more are lost, and counted"
+                    "{MAX_ANSWERS} answers wait: the client does not read them, or requests more than the link carries; further answers are lost, and counted"
                 );
             }
             return Ok(());
@@ -143,7 +143,7 @@ impl Channel {
         }
         if let Some(requested) = self.exchange.release {
             let exchange = self.exchange.number;
-            let back = self.give(Outbound::Release {
+            let back = self.push(Outbound::Release {
                 exchange,
                 requested,
             })?;
@@ -159,7 +159,7 @@ impl Channel {
     pub fn offer(&mut self, packet: &Bytes) -> Result<bool, LinkError> {
         let exchange = self.exchange.number;
         let (paid, packet) = (is_of_frame(packet), packet.clone());
-        let back = self.give(Outbound::Packet { exchange, packet })?;
+        let back = self.push(Outbound::Packet { exchange, packet })?;
         if let Some(Outbound::Packet { .. }) = back {
             return Ok(false);
         }
@@ -167,10 +167,10 @@ impl Channel {
         Ok(true)
     }
 
-    fn give(&mut self, what: Outbound) -> Result<Option<Outbound>, LinkError> {
-        let given = self.wire.outbox.offer(what);
-        self.gone |= given.is_err();
-        given
+    fn push(&mut self, item: Outbound) -> Result<Option<Outbound>, LinkError> {
+        let result = self.wire.outbox.offer(item);
+        self.gone |= result.is_err();
+        result
     }
 
     /// Whether frame packets are in the link's queue: the client cannot grant credit for them yet.
@@ -178,7 +178,7 @@ impl Channel {
         self.wire.tally.waiting() > self.behind
     }
 
-    /// What shows that the client takes data.
+    /// Evidence that the client takes data.
     pub fn progress(&self) -> Progress {
         Progress {
             credit: self.exchange.credit.granted(),
@@ -208,11 +208,11 @@ impl Channel {
         self.flow.moved
     }
 
-    /// Whether no byte has left the link for `least`, or for the airtime of a packet if that is
-    /// longer. A fault that holds packets back is no standstill.
-    pub fn stands_still(&self, least: Duration) -> bool {
+    /// Whether no byte has left the link for `min`, or for the airtime of a packet if that is
+    /// longer. Packets held back by a fault are no standstill.
+    pub fn stands_still(&self, min: Duration) -> bool {
         let airtime = self.wire.airtime.as_ref();
-        self.flow.moved.elapsed() >= timeout(airtime, least) && !self.wire.tally.is_held_back()
+        self.flow.moved.elapsed() >= timeout(airtime, min) && !self.wire.tally.is_held_back()
     }
 
     /// FaultEffect by injected faults to packets in and out, in this exchange.
@@ -229,7 +229,7 @@ impl Channel {
             let is_over = match mute.why {
                 Withheld::NoProof => !tally.awaits_proof(),
                 Withheld::NotRead => {
-                    mute.heard && (tally.bytes() != mute.bytes || tally.waiting() == 0)
+                    mute.has_sent && (tally.bytes() != mute.bytes || tally.waiting() == 0)
                 }
                 _ => self.exchange.credit.may_send(),
             };
@@ -269,7 +269,7 @@ impl Channel {
         self.exchange.number != exchange || self.wire.tally.has_ended(exchange)
     }
 
-    /// Whether the present client waits for that frame.
+    /// Whether the present client waits for a frame.
     pub fn awaits(&self, frame: u32) -> bool {
         let mut deliveries = self.deliveries.iter();
         deliveries.any(|delivery| delivery.frame == frame && delivery.is_for(&self.exchange))
@@ -309,18 +309,18 @@ impl Channel {
         !self.superseded.entries.is_empty()
     }
 
-    /// Books the superseded frames under a cause.
+    /// Counts the superseded frames under a cause.
     pub fn settle_superseded(&mut self, cause: &'static str) {
         for entry in std::mem::take(&mut self.superseded.entries) {
             self.frames.withhold(entry, cause);
         }
     }
 
-    /// Its figures for `/metrics`; `account` includes the skipped exposures.
-    pub fn snapshot(&self, account: FrameCounters) -> Snapshot {
+    /// Its metrics; `frames` includes the skipped exposures.
+    pub fn snapshot(&self, frames: FrameCounters) -> Snapshot {
         let mut snapshot = Snapshot::of(&self.latencies);
-        (snapshot.requested, snapshot.delivered) = (account.requested, account.delivered);
-        snapshot.withheld = account.withheld.into_iter().collect();
+        (snapshot.requested, snapshot.delivered) = (frames.requested, frames.delivered);
+        snapshot.withheld = frames.withheld.into_iter().collect();
         if let Some(Left {
             times, exposure, ..
         }) = &self.latest

@@ -1,4 +1,4 @@
-//! What the client has sent about the vehicle: attitudes, times, and settings of the camera.
+//! State sent by the client: attitudes, times, and settings of the camera.
 
 use super::clock;
 use super::clock::due::{Due, MAX_WAITING, Sync, TimeCheck};
@@ -28,8 +28,8 @@ pub(super) struct Client {
     /// The camera as commanded.
     camera: Arc<Camera>,
     has_objects: bool,
-    /// The attitude of the last frame, and the number of frames made from it so far.
-    shown: Option<(u64, u32)>,
+    /// The attitude of the last frame, and the number of earlier frames of it.
+    rendered: Option<(u64, u32)>,
     /// The attitude that was refused after it had been accepted.
     refused: Option<u64>,
     /// Number of accepted attitudes.
@@ -48,7 +48,7 @@ impl Client {
             configured: camera.clone(),
             camera,
             has_objects: emulator.has_objects(),
-            shown: None,
+            rendered: None,
             refused: None,
             accepted: 0,
         }
@@ -64,7 +64,7 @@ impl Client {
         &self.camera
     }
 
-    /// The camera, to be changed. Frames that are being made keep theirs.
+    /// The camera for changes. Frames in progress are not affected.
     pub fn camera_mut(&mut self) -> &mut Camera {
         Arc::make_mut(&mut self.camera)
     }
@@ -89,7 +89,7 @@ impl Client {
         self.clock.cadence().map(|_| rate_hz)
     }
 
-    /// Whether a single shot is being exposed, or waits for its frame.
+    /// Whether a single shot is exposed or waits for its frame.
     pub fn is_exposing_single_shot(&mut self) -> bool {
         let cadence = self.clock.cadence();
         cadence.is_some_and(|cadence| cadence.single_shot_is_open())
@@ -99,7 +99,7 @@ impl Client {
     /// get no frame.
     pub fn restart(&mut self, now: Instant) -> u32 {
         self.history = History::default();
-        (self.shown, self.refused) = (None, None);
+        (self.rendered, self.refused) = (None, None);
         self.camera = self.configured.clone();
         self.clock.restart(self.camera.rate_hz, now)
     }
@@ -114,7 +114,7 @@ impl Client {
         }
         if attitude.state.is_none() && self.has_objects {
             return Err(Refusal::value(format!(
-                "attitude {sequence} carries no position, and objects are configured: send the state it sees them from"
+                "attitude {sequence} carries no position, and objects are configured: send the orbit state"
             )));
         }
         let orbit = attitude
@@ -135,8 +135,8 @@ impl Client {
             },
             detail: format!("attitude {sequence}: {error}"),
         })?;
-        let open_s = self.camera.exposure_s + self.camera.readout_s();
-        check_exposable(&vehicle, open_s)
+        let span_s = self.camera.exposure_s + self.camera.readout_s();
+        check_exposable(&vehicle, span_s)
             .map_err(|why| Refusal::value(format!("attitude {sequence}: {why}")))?;
         Ok(vehicle)
     }
@@ -149,14 +149,14 @@ impl Client {
             return (check, 0);
         }
         tracing::warn!(
-            "the client's clock has jumped to {}: it is followed, and attitudes and triggers that came before are forgotten",
+            "the client's clock has jumped to {}: it is followed, and earlier attitudes and triggers are dropped",
             utc_text(time)
         );
         self.history.clear();
         (check, self.clock.drop_requests())
     }
 
-    /// Accepts an attitude; whether one with a later time came before it.
+    /// Accepts an attitude; returns whether one with a later time came before it.
     pub fn latch(
         &mut self,
         vehicle: VehicleState,
@@ -207,8 +207,8 @@ impl Client {
             });
         }
         if let Some(limit) = limit.filter(|limit| epoch <= *limit) {
-            // An attitude beyond the limit was wrong, or the client's clock has been set back.
-            self.history.forget_after(limit);
+            // An attitude beyond the limit was wrong, or the client's clock was set back.
+            self.history.drop_after(limit);
         }
         Ok(is_earlier)
     }
@@ -224,11 +224,13 @@ impl Client {
     /// Notes the attitude of a frame; returns the number of earlier frames of it. An attitude that
     /// requests its own frame (`is_requested`) has none.
     pub fn count_repeat(&mut self, number: u64, is_requested: bool) -> u32 {
-        let repeat = match self.shown {
-            Some((shown, frames)) if shown == number && !is_requested => frames.wrapping_add(1),
+        let repeat = match self.rendered {
+            Some((rendered, frames)) if rendered == number && !is_requested => {
+                frames.wrapping_add(1)
+            }
             _ => 0,
         };
-        self.shown = Some((number, repeat));
+        self.rendered = Some((number, repeat));
         repeat
     }
 
@@ -264,12 +266,12 @@ pub(super) fn check_representable(exposure: &Exposure) -> Result<(), String> {
     Ok(())
 }
 
-/// Errors: an exposure at the epoch of `vehicle` cannot be rendered. It lasts for `open_s` from the
+/// Errors: an exposure at the epoch of `vehicle` cannot be rendered. It lasts for `span_s` from the
 /// opening of the first row to the closing of the last.
-fn check_exposable(vehicle: &VehicleState, open_s: f64) -> Result<(), String> {
-    let exposure = Exposure::around(vehicle.epoch, open_s);
+fn check_exposable(vehicle: &VehicleState, span_s: f64) -> Result<(), String> {
+    let exposure = Exposure::around(vehicle.epoch, span_s);
     check_representable(&exposure)?;
-    turn_at(vehicle.rates, open_s)
+    turn_at(vehicle.rates, span_s)
         .and_then(|_| shutter(vehicle, &exposure))
         .map(|_| ())
         .map_err(|error| error.to_string())

@@ -1,4 +1,4 @@
-//! The table of commands: one row a command.
+//! The table of commands, one row per command.
 
 use super::handlers::{
     Call, Condition, attitude, credit, exposure, fault, frame_rate, gain, output, pause, positions,
@@ -15,9 +15,9 @@ use skyloop_protocols::Command;
 /// The link that may send a command.
 #[derive(Clone, Copy, PartialEq)]
 enum Sender {
-    /// The link that brings the truth.
+    /// The link that carries the truth.
     Truth,
-    /// Likewise, for settings of the first camera. A further camera takes its settings over its own
+    /// The same, for settings of the first camera. A further camera gets its settings over its own
     /// links.
     Camera,
     Any,

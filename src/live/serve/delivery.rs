@@ -1,4 +1,4 @@
-//! A frame on its way over one link.
+//! Transmission of one frame over one link.
 
 use super::exchange::Exchange;
 use super::frame_packets::FramePackets;
@@ -6,7 +6,7 @@ use crate::stats::Pending;
 use bytes::Bytes;
 use std::time::{Duration, Instant};
 
-/// What shows that a client takes data.
+/// Evidence that a client takes data.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Progress {
     /// Frame packets granted.
@@ -15,12 +15,12 @@ pub(super) struct Progress {
     pub bytes: u32,
 }
 
-/// A frame on its way over one link.
+/// Transmission of one frame over one link.
 pub(super) struct Delivery {
     pub frame: u32,
-    /// Its entry in the link's account.
+    /// Its entry in the counters of the link.
     pub entry: Pending,
-    /// None until enough of the frame is known.
+    /// None until enough of the frame is rendered.
     pub packets: Option<FramePackets>,
     /// Position of its first packet in the link's queue.
     pub first_place: u32,
@@ -33,7 +33,7 @@ pub(super) struct Delivery {
     pub stall: Stall,
     /// Whether the stall is in the log.
     pub reported: bool,
-    /// Packets that the link had removed for want of proof when the first packet was queued.
+    /// Number of packets removed without proof of address when the first packet was queued.
     pub unproved: u32,
 }
 

@@ -23,7 +23,7 @@ fn without_credit(channel: &Channel) -> (Withheld, String) {
     let credit = &channel.exchange.credit;
     let (granted, sent) = (credit.granted(), credit.sent());
     match channel.exchange.window {
-        // It grants what it has received plus a window. Lost packets are missing from that sum.
+        // It grants the received packets plus a window, so lost packets are missing.
         Some(window) if window != granted && granted.wrapping_sub(window) != sent => (
             Withheld::Lost,
             format!(
@@ -38,7 +38,7 @@ fn without_credit(channel: &Channel) -> (Withheld, String) {
     }
 }
 
-/// Why a frame does not move on a link that has or has no room for it.
+/// Why a frame is blocked on a link with or without room for it.
 pub(super) fn standstill(channel: &Channel, has_room: bool) -> (Withheld, String) {
     if channel.wire.tally.awaits_proof() {
         return (Withheld::NoProof, "its address is not proved".to_string());
@@ -49,8 +49,8 @@ pub(super) fn standstill(channel: &Channel, has_room: bool) -> (Withheld, String
     (Withheld::NotRead, "the link has no room".to_string())
 }
 
-/// The cause of an unsent frame. At the end of the run it is the reported standstill that still
-/// lasts, if there is one.
+/// The cause of an unsent frame. At the end of the run, a reported standstill that still lasts
+/// takes precedence.
 fn unless_blocked(channel: &Channel, cause: &'static str) -> &'static str {
     if cause != RUN_ENDED {
         return cause;
@@ -71,22 +71,22 @@ fn unless_blocked(channel: &Channel, cause: &'static str) -> &'static str {
     reported.find(lasts).map_or(cause, name)
 }
 
-/// Books a frame that is withheld.
-pub(super) fn book_withheld(channel: &mut Channel, entry: Pending, cause: &'static str) {
+/// Counts a withheld frame.
+pub(super) fn count_withheld(channel: &mut Channel, entry: Pending, cause: &'static str) {
     let cause = unless_blocked(channel, cause);
     channel.frames.withhold(entry, cause);
 }
 
-/// Books a frame that is withheld, now or once the cause is known.
+/// Counts a withheld frame, now or once the cause is known.
 pub(super) fn withhold(channel: &mut Channel, frame: u32, entry: Pending, cause: &'static str) {
     if cause == UNDETERMINED {
         channel.supersede(frame, entry);
     } else {
-        book_withheld(channel, entry, cause);
+        count_withheld(channel, entry, cause);
     }
 }
 
-/// Why a frame is superseded on this link; none: that is not known yet.
+/// Why a frame is superseded on this link; none: not known yet.
 fn of_superseded(channel: &Channel) -> Option<(Withheld, String)> {
     let found = standstill(channel, !channel.exchange.credit.may_send());
     let is_open = found.0 == Withheld::NotRead
@@ -96,7 +96,7 @@ fn of_superseded(channel: &Channel) -> Option<(Withheld, String)> {
 }
 
 fn superseded(frame: u32, detail: &str) -> String {
-    format!("frame {frame} gives way to a newer one: {detail}")
+    format!("frame {frame} is replaced by a newer one: {detail}")
 }
 
 /// Reports a frame that is superseded by a newer one, and returns the cause.
@@ -108,7 +108,7 @@ pub(super) fn report_superseded(channel: &mut Channel, frame: u32) -> &'static s
     name(why)
 }
 
-/// Books and reports superseded frames once their cause is known.
+/// Counts and reports superseded frames once their cause is known.
 fn settle_superseded(channel: &mut Channel) {
     if !channel.has_superseded() {
         return;
@@ -121,7 +121,7 @@ fn settle_superseded(channel: &mut Channel) {
     let has_moved =
         channel.wire.tally.bytes() != channel.superseded.bytes || !channel.carries_frames();
     let found = if has_moved {
-        let detail = "the one before still leaves".to_string();
+        let detail = "the previous one is still being sent".to_string();
         Some((Withheld::SlowLink, detail))
     } else {
         of_superseded(channel)
@@ -132,8 +132,8 @@ fn settle_superseded(channel: &mut Channel) {
     channel.report(why, &superseded(frame, &detail));
 }
 
-/// Number of packets that were sent and that the client does not grant for, once per loss: more
-/// than it grants at once, for a while after all have left.
+/// Number of sent packets missing from the client's grants, once per loss: more than it grants at
+/// once, some time after all have left.
 fn lost_packets(channel: &mut Channel, now: Instant) -> Option<u32> {
     let Exchange {
         credit,
@@ -156,9 +156,9 @@ fn lost_packets(channel: &mut Channel, now: Instant) -> Option<u32> {
         *silent = Some((state, now, false));
         return None;
     };
-    // The client knows all packets but those that it does not grant for.
-    let known = credit.granted().wrapping_sub(*window);
-    let lost = credit.sent().wrapping_sub(known);
+    // The client has received the packets in its grants.
+    let received = credit.granted().wrapping_sub(*window);
+    let lost = credit.sent().wrapping_sub(received);
     // A client that grants far ahead does not show what it has received.
     let is_lost = *step > 0 && lost > *step && lost <= *window;
     if !is_lost || waits || *reported {
@@ -176,7 +176,7 @@ pub(super) fn report_silence(channel: &mut Channel, needs_trigger: bool, now: In
     settle_superseded(channel);
     report_stalled(channel, now);
     report_untriggered(channel, needs_trigger, now);
-    // Packets in a queue that stands still are not lost.
+    // Packets in a blocked queue are not lost.
     if let Some(lost) = lost_packets(channel, now)
         && !channel.flow.in_status
     {
@@ -242,7 +242,7 @@ pub(super) fn report_slow(channel: &mut Channel, frame: u32, packets: &FramePack
     }
 }
 
-/// Reports once that a frame stands still.
+/// Reports once that a frame is blocked.
 pub(super) fn report_standstill(channel: &mut Channel, delivery: &mut Delivery, has_room: bool) {
     if !replace(&mut delivery.reported, true) {
         let (why, detail) = standstill(channel, has_room);

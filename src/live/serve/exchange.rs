@@ -1,4 +1,4 @@
-//! What one client has agreed with the emulator on a link.
+//! State of one client on a link.
 
 use bytes::Bytes;
 use skyloop_protocols::credit::CreditAccount;
@@ -10,15 +10,15 @@ use std::time::Instant;
 /// Number of frames whose packets can be sent again: the present one and the one before.
 const RESENDABLE_FRAMES: usize = 2;
 
-/// State of one client on a link.
+/// State of one client on a link, from its first packet to its replacement.
 #[derive(Debug, Default)]
 pub(super) struct Exchange {
     pub number: u32,
     /// Whether the client has sent a valid packet. Before that it gets no frames.
-    pub heard: bool,
+    pub has_client: bool,
     /// Set if the client took nothing for too long: it gets no frames.
     pub muted: Option<Mute>,
-    /// Why the client has not got the last frame whole.
+    /// Why the client did not get the last frame completely.
     pub withheld: Withheld,
     /// Whether a Status has reported that reason.
     pub is_in_status: bool,
@@ -30,7 +30,7 @@ pub(super) struct Exchange {
     /// The largest single grant since.
     pub step: u32,
     pub gaps: GapDetector,
-    /// What each frame contains.
+    /// Content of each frame.
     pub output: Output,
     /// Positions of windows; none: around the brightest stars.
     pub positions: Option<Positions>,
@@ -55,7 +55,7 @@ pub(super) struct Mute {
     /// Bytes that had left the link.
     pub bytes: u32,
     /// Whether the client has sent a packet since.
-    pub heard: bool,
+    pub has_sent: bool,
 }
 
 /// The packets of a frame as they were sent.
@@ -80,7 +80,7 @@ impl Exchange {
     pub fn reset(&mut self, output: Output, lost_to_faults: [u32; 2], now: Instant) {
         let before = std::mem::take(self);
         *self = Exchange {
-            heard: true,
+            has_client: true,
             resets: before.resets.wrapping_add(1),
             // A Reset does not change the state of the link.
             muted: before

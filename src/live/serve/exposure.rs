@@ -5,7 +5,7 @@ use super::clock::due::Due;
 use super::frame_job::FrameSource;
 use super::history::Pointing;
 use super::late_policy::Decision;
-use super::reasons::{LEFT_OUT, NO_ATTITUDE};
+use super::reasons::{NO_ATTITUDE, WOULD_BE_LATE};
 use super::render_thread::{RenderEvent, RenderOrder, Renderer, RowBuffers, Task};
 use super::state::State;
 use super::telemetry::{Telemetry, add};
@@ -25,7 +25,7 @@ fn is_free(state: &State, limit: Option<u32>) -> bool {
     is_idle && is_wanted && !state.frames.is_rendering()
 }
 
-/// Time until an exposure is due that can be rendered, or somewhat less; none: not known.
+/// Time until an exposure is due that can be rendered, or slightly less; none: not known.
 pub(super) fn until_due(state: &State, limit: Option<u32>) -> Option<Duration> {
     if !is_free(state, limit) {
         return None;
@@ -33,7 +33,7 @@ pub(super) fn until_due(state: &State, limit: Option<u32>) -> Option<Duration> {
     state.client.clock.until_due(Instant::now())
 }
 
-/// Orders the frame of a due exposure; whether one was due.
+/// Orders the frame of a due exposure; returns whether one was due.
 pub(super) fn start_exposure(
     state: &mut State,
     renderer: &Renderer,
@@ -61,11 +61,11 @@ pub(super) fn start_exposure(
     let spare = due
         .deadline
         .map(|deadline| deadline.saturating_duration_since(now));
-    // Without the jitter, which is not known before.
+    // Without the jitter, which is drawn later.
     let release = due.end + Duration::from_secs_f64(state.late.delay.delay_s);
     let held = release.saturating_duration_since(now);
     let Decision::Render { level, overrun } = state.late.decide(spare, held) else {
-        drop_exposure(state, &due, LEFT_OUT);
+        drop_exposure(state, &due, WOULD_BE_LATE);
         state.telemetry.stats.dropped = state.late.dropped;
         return Ok(true);
     };
@@ -86,7 +86,7 @@ pub(super) fn start_exposure(
     Ok(true)
 }
 
-/// Books an exposure that gets no frame.
+/// Counts an exposure that gets no frame.
 fn drop_exposure(state: &mut State, due: &Due, cause: &'static str) {
     state.session.fail(Request::default(), cause);
     state.telemetry.miss(due);
@@ -116,7 +116,7 @@ fn order_frame(state: &mut State, renderer: &Renderer, camera: Arc<Camera>, sour
     };
     state.frames.start(Request::default(), source, abort);
     state.session.set_rendering(true);
-    if !renderer.give(Task::Render(Box::new(order))) {
+    if !renderer.order(Task::Render(Box::new(order))) {
         tracing::error!("the renderer's thread has ended");
     }
 }
@@ -148,7 +148,7 @@ pub(super) fn handle_event(
     let Some(at) = state.frames.rendering_job() else {
         return Ok(());
     };
-    // A frame may be complete, or refused, before the renderer notices the cancellation.
+    // A frame may be complete or refused before the renderer detects the cancellation.
     let is_cancelled = state.frames.is_cancelled();
     let job = &mut state.frames.jobs[at];
     match event {

@@ -13,15 +13,15 @@ use std::collections::BTreeMap;
 use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
 
-/// Why and from what a frame is made.
+/// Origin of a frame.
 pub(super) struct FrameSource {
     pub due: Due,
     pub pointing: Pointing,
     pub sync: Sync,
-    /// Level of tolerances, and what its label says about lateness.
+    /// Level of tolerances, and lateness in its label.
     pub level: usize,
     pub overrun: Option<&'static str>,
-    /// Whether its times are reported. Not by the stepped clock, where all runs are the same.
+    /// Whether its times are reported. Not with the stepped clock, whose runs are reproducible.
     pub is_timed: bool,
     /// The device sends nothing before this instant.
     pub release: Instant,
@@ -33,14 +33,14 @@ pub(super) struct FrameJob {
     pub source: FrameSource,
     pub opening: Option<Opening>,
     pub exposed: Option<Box<ExposedFrame>>,
-    /// Pixel values from the first pixel on, until the shot is complete.
+    /// Pixel values from the first pixel on, until the frame is complete.
     dn: Vec<u16>,
     /// Rows beyond a gap, by their first pixel.
     ahead: BTreeMap<usize, Vec<u16>>,
     pub first_pixel: Option<Instant>,
     pub last_pixel: Option<Instant>,
-    pub first_octet: Option<Instant>,
-    /// End of the label as clients get it.
+    pub first_byte: Option<Instant>,
+    /// End of the label as sent.
     tail: OnceLock<String>,
     /// Checksum of the present pixels.
     crc: Hasher,
@@ -48,7 +48,7 @@ pub(super) struct FrameJob {
     pub open: usize,
     /// The request, until deliveries begin or the frame fails.
     pub request: Option<Request>,
-    /// Whether all clients that wanted it have all of it.
+    /// Whether all clients that requested it have all of it.
     pub whole: bool,
 }
 
@@ -65,7 +65,7 @@ impl FrameJob {
             ahead: BTreeMap::new(),
             first_pixel: None,
             last_pixel: None,
-            first_octet: None,
+            first_byte: None,
             tail: OnceLock::new(),
             crc: Hasher::new(),
             open: 0,
@@ -81,7 +81,7 @@ impl FrameJob {
         while let Some(next) = self.ahead.remove(&self.dn.len()) {
             self.dn.extend_from_slice(&next);
             update_crc(&mut self.crc, &next);
-            buffers.give(next);
+            buffers.put(next);
         }
     }
 
@@ -146,7 +146,7 @@ impl FrameJob {
             attitude_age_s,
             first_pixel_s: since(self.first_pixel),
             last_pixel_s: since(self.last_pixel),
-            first_octet_s: since(self.first_octet),
+            first_octet_s: since(self.first_byte),
             last_octet_s: since(Some(now)),
             spare_s: self.spare_s(now + backlog) as f32,
         }
@@ -183,7 +183,7 @@ impl FrameJob {
             sync: source.sync,
             first_pixel_s: since(self.first_pixel),
             last_pixel_s: since(self.last_pixel),
-            first_octet_s: since(self.first_octet),
+            first_byte_s: since(self.first_byte),
             pixels_sent_s: since(Some(now)),
             spare_s: self.spare_s(now + backlog),
         });
@@ -197,7 +197,7 @@ impl FrameJob {
         timing.tail()
     }
 
-    /// The label as clients get it, in two parts. The first call fixes its times.
+    /// The label as sent, in two parts. The first call fixes its times.
     pub fn text(&self, now: Instant, backlog: Duration) -> Option<[&str; 2]> {
         let opening = self.opening.as_ref()?;
         let tail = self.tail.get_or_init(|| self.label_tail(now, backlog));
@@ -211,8 +211,8 @@ impl FrameJob {
         Some(parts.iter().map(|part| part.len()).sum())
     }
 
-    /// The shot, with the label that clients have.
-    pub fn into_shot(self) -> Option<Box<ExposedFrame>> {
+    /// The exposed frame, with the label as sent.
+    pub fn into_exposed(self) -> Option<Box<ExposedFrame>> {
         let mut exposed = self.exposed?;
         let Some(opening) = self.opening else {
             return Some(exposed);
@@ -250,7 +250,7 @@ mod tests {
     use skyloop_protocols::crc::Crc32;
 
     #[test]
-    fn pixels_are_summed_up_as_the_other_end_does_it() {
+    fn checksum_equals_that_of_the_client() {
         let pixels: Vec<u16> = (0..5000_u32).map(|i| (i * i * 31 + 7) as u16).collect();
         for (first, last) in [(0, 0), (0, 1), (3, 1027), (1, 5000)] {
             let mut crc = Hasher::new();
@@ -270,7 +270,7 @@ mod tests {
     use skyloop_render::attitude::VehicleState;
 
     #[test]
-    fn latency_counts_from_the_exposures_end_or_the_attitudes_arrival_if_that_is_later() {
+    fn latency_starts_at_the_exposures_end_or_a_later_attitude() {
         let (zero, ms) = (Instant::now(), Duration::from_millis);
         let epoch = Epoch::from_gregorian_utc_hms(2026, 6, 1, 0, 0, 0);
         let job = |end: Instant, arrived: Instant| {
@@ -308,8 +308,8 @@ mod tests {
             let job = job(end, arrived);
             assert_eq!(job.since_trigger(Some(late + ms(10))), ms(10));
             assert_eq!(job.since_trigger(Some(early)), Duration::ZERO);
-            // The deadline counts from the exposure's end, whatever comes late; and what waits on
-            // the line counts.
+            // The deadline counts from the exposure's end in any case. Data on the line counts as
+            // late.
             let spare_s = (end + ms(30) - (late + ms(10))).as_secs_f32();
             let closing = |backlog| job.closing(late + ms(10), backlog);
             assert!((closing(Duration::ZERO).timing.spare_s - spare_s).abs() < 1e-6);

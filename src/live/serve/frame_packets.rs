@@ -60,10 +60,10 @@ impl FramePackets {
         };
         let output = permitted(output, roles);
         let (pixels, labels) = (output.pixels, output.labels);
-        let needs_shot = matches!(pixels, PixelLevel::Windows | PixelLevel::Compressed)
+        let needs_frame = matches!(pixels, PixelLevel::Windows | PixelLevel::Compressed)
             || labels == LabelLevel::Objects;
-        let exposed = job.exposed.as_deref().filter(|_| needs_shot);
-        if needs_shot && exposed.is_none() {
+        let exposed = job.exposed.as_deref().filter(|_| needs_frame);
+        if needs_frame && exposed.is_none() {
             return Ok(None);
         }
         let detector = &opening.camera.detector;
@@ -180,7 +180,7 @@ impl FramePackets {
         }
     }
 
-    /// None until its pixels are rendered.
+    /// `None` until its pixels are rendered.
     fn pixels<T>(
         &self,
         job: &FrameJob,
@@ -236,8 +236,8 @@ impl FramePackets {
         encode: impl FnOnce(&Reply<'_>) -> Result<T, EncodeError>,
     ) -> Result<T, EncodeError> {
         let (packing, size) = (self.header.packing, self.header.window_size);
-        let most = windows_per_block(packing, size);
-        let windows = self.windows.chunks(most).nth(index as usize);
+        let max = windows_per_block(packing, size);
+        let windows = self.windows.chunks(max).nth(index as usize);
         let windows = windows.ok_or(NO_SUCH_PACKET)?;
         let (width, side) = (usize::from(self.header.width), usize::from(size));
         let mut data = Vec::with_capacity(windows.len() * window_length(packing, size));
@@ -258,7 +258,7 @@ impl FramePackets {
         encode(&Reply::Windows(WindowBlock {
             frame: self.header.frame,
             index,
-            first: (index as usize * most) as u16,
+            first: (index as usize * max) as u16,
             count: windows.len() as u8,
             size,
             packing,
@@ -299,7 +299,7 @@ impl FramePackets {
     }
 }
 
-/// The part of an output that a link may bring.
+/// The part of an output that a link may carry.
 fn permitted(output: &Output, roles: Roles) -> Output {
     let mut output = *output;
     if !roles.pixels {
@@ -345,10 +345,10 @@ fn header(opening: &Opening, output: &Output, label_bytes: usize) -> Result<Fram
     })
 }
 
-/// At most `most` bytes of two joined texts from `from` on; none beyond their end.
-fn piece<'a>(head: &'a [u8], tail: &'a [u8], from: usize, most: usize) -> Option<Cow<'a, [u8]>> {
+/// At most `max` bytes of two joined texts from `from` on; none beyond their end.
+fn piece<'a>(head: &'a [u8], tail: &'a [u8], from: usize, max: usize) -> Option<Cow<'a, [u8]>> {
     let end = head.len() + tail.len();
-    let to = end.min(from.checked_add(most)?);
+    let to = end.min(from.checked_add(max)?);
     let of_tail = |at: usize| at.saturating_sub(head.len());
     let first = head.get(from.min(head.len())..to.min(head.len()))?;
     let second = tail.get(of_tail(from)..of_tail(to))?;
@@ -376,7 +376,7 @@ fn compress(dn: &[u16], bits: u8) -> Vec<(u32, u16, Vec<u8>)> {
         let some = &dn[first..dn.len().min(first + MAX)];
         let (taken, bytes) = rice::encode(some, bits, &mut code);
         if taken == 0 {
-            break; // pixel values with more than `bits` bits, which no detector makes
+            break; // pixel values of more than `bits` bits, which no detector has
         }
         code.truncate(bytes);
         blocks.push((first as u32, taken as u16, code));
@@ -390,9 +390,9 @@ mod tests {
     use super::*;
 
     #[test]
-    fn parts_of_two_texts_are_those_of_both_together() {
+    fn parts_of_two_texts_equal_those_of_the_joined_text() {
         let bytes: Vec<u8> = (0..=255).collect();
-        for (head, tail, most) in [
+        for (head, tail, max) in [
             (0, 0, 5),
             (0, 3, 5),
             (3, 0, 5),
@@ -407,12 +407,12 @@ mod tests {
         ] {
             let all = &bytes[..head + tail];
             let (head, tail) = all.split_at(head);
-            let from = (0..).map(|part| part * most);
+            let from = (0..).map(|part| part * max);
             let parts: Vec<_> = from
-                .map_while(|from| piece(head, tail, from, most))
+                .map_while(|from| piece(head, tail, from, max))
                 .collect();
-            // X-Val: those of one slice.
-            let whole: Vec<&[u8]> = all.chunks(most).collect();
+            // X-Val: chunks of one slice.
+            let whole: Vec<&[u8]> = all.chunks(max).collect();
             assert_eq!(parts, whole, "{} and {}", head.len(), tail.len());
         }
         assert_eq!(piece(&[1], &[2], usize::MAX, 2), None);

@@ -18,13 +18,13 @@ use skyloop_protocols::{Counters, Withheld};
 use skyloop_render::engine::ExposedFrame;
 use std::time::{Duration, Instant};
 
-/// A client that takes nothing and grants nothing for this long has gone: its frame is given up.
-const STALL: Duration = Duration::from_secs(2);
-/// How long to listen while a frame waits for credit.
-pub(super) const LISTEN: Duration = Duration::from_millis(5);
+/// A client that takes and grants nothing for this long counts as gone: its frame is dropped.
+const STALL_TIMEOUT: Duration = Duration::from_secs(2);
+/// Time to receive packets while a frame waits for credit.
+pub(super) const RECEIVE_TIME: Duration = Duration::from_millis(5);
 /// Packets of one link before the next link's turn.
 const BATCH: usize = 32;
-/// How long to listen while packets wait for room in a link's queue.
+/// Time to receive packets while others wait for room in a link's queue.
 const RETRY: Duration = Duration::from_micros(200);
 
 /// Frames that are rendered, sent or in flight.
@@ -164,7 +164,7 @@ impl FrameQueue {
             // First, because a late proof lifts the mute.
             let is_muted = channel.is_muted();
             let has_gone = channel.has_gone(channel.exchange.number);
-            if is_muted || has_gone || !channel.exchange.heard {
+            if is_muted || has_gone || !channel.exchange.has_client {
                 without_delivery(channel, number, entry);
                 continue;
             }
@@ -173,7 +173,7 @@ impl FrameQueue {
             let older = channel.enqueue(delivery, max);
             superseded.extend(older.map(|older| (link, older)));
         }
-        // If no client wants it, no client has all of it.
+        // Without a client, no client has all of it.
         job.whole = job.open > 0;
         for (link, older) in superseded {
             let channel = &mut session.channels[link];
@@ -248,12 +248,14 @@ impl FrameQueue {
                 pause.into_iter().for_each(|pause| round.within(pause));
             }
             Step::NoCredit | Step::NoRoom => {
-                round.within(if is_full { RETRY } else { LISTEN });
-                // While bytes leave, the client can do nothing, which takes long on a slow line.
-                let carries = delivery.waiting.is_some() || channel.carries_frames();
-                let stalled = delivery.stall.update(channel.progress(), carries, is_full);
-                if stalled >= STALL {
-                    self.give_up(link, channel, delivery, !is_full, is_only);
+                round.within(if is_full { RETRY } else { RECEIVE_TIME });
+                // While bytes leave, the client can only wait, which takes long on a slow line.
+                let has_packets = delivery.waiting.is_some() || channel.carries_frames();
+                let stalled = delivery
+                    .stall
+                    .update(channel.progress(), has_packets, is_full);
+                if stalled >= STALL_TIMEOUT {
+                    self.drop_stalled(link, channel, delivery, !is_full, is_only);
                     return None;
                 }
                 // A packet on a slow link may take longer.
@@ -267,9 +269,9 @@ impl FrameQueue {
         Some(delivery)
     }
 
-    /// Gives up a frame of a client that takes nothing. Unless this is the only outgoing link
+    /// Drops a frame of a client that takes nothing. Unless this is the only outgoing link
     /// (`is_only`), the client is muted.
-    fn give_up(
+    fn drop_stalled(
         &mut self,
         link: usize,
         channel: &mut Channel,
@@ -281,7 +283,7 @@ impl FrameQueue {
         channel.exchange.muted = (!is_only).then_some(Mute {
             why,
             bytes: channel.wire.tally.bytes(),
-            heard: false,
+            has_sent: false,
         });
         let detail = format!("frame {} is given up: {detail}", delivery.frame);
         channel.report(why, &detail);
@@ -323,7 +325,7 @@ impl FrameQueue {
         let Some(job) = job else { return };
         job.open = job.open.saturating_sub(1);
         job.whole &= cause.is_none();
-        // After a Reset and at the end of the run no client waits for it: it misses no deadline.
+        // After a Reset and at the end of the run no client waits for it, so no deadline is missed.
         if !matches!(cause, Some(RESET | RUN_ENDED)) {
             let frame = InFlightFrame::new(job, link, exchange, queued);
             self.in_flight.push(frame);
@@ -353,7 +355,7 @@ impl FrameQueue {
         }
     }
 
-    /// Withholds a frame that was queued on a link and did not leave whole.
+    /// Withholds a frame that was queued on a link and not sent completely.
     pub fn lose(
         &mut self,
         frame: &InFlightFrame,
@@ -371,7 +373,7 @@ impl FrameQueue {
         };
         let (why, cause) = of_unsent(lost);
         channel.frames.withhold(entry, cause);
-        // The link reports the end of the run itself, and another client has lost nothing.
+        // The link reports the end of the run itself; another client has lost nothing.
         if given_up.is_none() && channel.exchange.number == frame.exchange {
             let detail = format!("packets of frame {number} were given up in the link's queue");
             channel.report(why, &detail);
@@ -403,7 +405,7 @@ impl FrameQueue {
 /// Withholds a frame on a link whose client is absent or muted.
 fn without_delivery(channel: &mut Channel, number: u32, entry: Pending) {
     let exchange = &channel.exchange;
-    let (why, cause, detail) = if !exchange.heard {
+    let (why, cause, detail) = if !exchange.has_client {
         let why = Withheld::NoClient;
         (why, name(why), "no valid packet has come yet")
     } else if channel.has_gone(exchange.number) {

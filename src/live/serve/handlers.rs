@@ -1,7 +1,7 @@
 //! The handlers of commands. Each changes settings or the exchange, or refuses.
 
 use super::budget;
-use super::clock::SURE_S;
+use super::clock::CONFIRM_S;
 use super::clock::due::{TimeCheck, TriggerRequest};
 use super::reasons::CLOCK_SET;
 use super::refusal::Refusal;
@@ -18,7 +18,7 @@ use std::time::Instant;
 
 /// A received command.
 pub(super) struct Call<'a> {
-    /// The link that it came over.
+    /// Index of its link.
     pub link: usize,
     pub header: Header,
     pub inbound: &'a Inbound,
@@ -55,7 +55,7 @@ impl Condition {
         let why = match self {
             Condition::Cadence if client.cadence_hz().is_none() => {
                 return Err(Refusal::not_supported(format!(
-                    "{command} has no meaning where each {} gives its frame: send one when a frame is wanted",
+                    "{command} has no effect where each {} requests a frame: send one when a frame is needed",
                     client.clock.requested_by()
                 )));
             }
@@ -79,13 +79,13 @@ pub(super) fn attitude(state: &mut State, call: &Call<'_>, attitude: &Attitude) 
     let vehicle = state.client.vehicle(&call.header, attitude)?;
     if state.client.clock.awaits_time() {
         // After a pause the client may continue at another time.
-        state.client.history.forget_after(vehicle.epoch);
+        state.client.history.drop_after(vehicle.epoch);
     }
     if let TimeCheck::Doubtful(ahead_s) = observe_time(state, vehicle.epoch, call.arrived())
         && ahead_s > 0.0
     {
         return Err(Refusal::value(format!(
-            "time of attitude {} lies {ahead_s:.3} s ahead of the client's clock; that is followed when it goes on so for {SURE_S} s",
+            "time of attitude {} lies {ahead_s:.3} s ahead of the client's clock; it is followed if this lasts {CONFIRM_S} s",
             attitude.sequence
         )));
     }
@@ -120,8 +120,7 @@ pub(super) fn trigger(state: &mut State, call: &Call<'_>, number: u32, start: Wi
 }
 
 pub(super) fn pause(state: &mut State, call: &Call<'_>) -> Done {
-    // A client that pauses all cameras does not know of a further one's single shot, which is
-    // dropped.
+    // The client of the first camera does not know a further camera's single shot: it is dropped.
     if !state.followers.is_follower {
         Condition::NoSingleShot.check(state, call.link, "Pause")?;
     }
@@ -172,7 +171,7 @@ pub(super) fn frame_rate(state: &mut State, call: &Call<'_>, hz: f64) -> Done {
     state
         .late
         .check_held(hz)
-        .map_err(|why| Refusal::value(format!("FrameRate: {why}, or ask for fewer")))?;
+        .map_err(|why| Refusal::value(format!("FrameRate: {why}, or lower the rate")))?;
     for link in 0..state.session.channels.len() {
         let output = state.session.channels[link].exchange.output;
         check_fits(state, link, &output, hz, "FrameRate")?;
@@ -211,7 +210,7 @@ pub(super) fn credit(state: &mut State, call: &Call<'_>, packets: u32) -> Done {
     let (sent, before) = (exchange.credit.sent(), exchange.credit.granted());
     if !exchange.credit.grant(packets) {
         return Err(Refusal::value(format!(
-            "Credit.packets = {packets}: it lies behind the {sent} packets sent, or 2^31 or more ahead; grant `received + window`"
+            "Credit.packets = {packets}: it is below the {sent} packets sent, or 2^31 or more ahead; grant `received + window`"
         )));
     }
     let step = exchange.credit.granted().wrapping_sub(before);
@@ -228,7 +227,7 @@ pub(super) fn output(state: &mut State, call: &Call<'_>, output: Output) -> Done
     let max = camera.detector.width.min(camera.detector.height);
     if usize::from(output.window_size) > max {
         return Err(Refusal::value(format!(
-            "Output.window_size = {}: the frame has {max} pixels across; ask for no more",
+            "Output.window_size = {}: the frame has {max} pixels across; send at most that",
             output.window_size
         )));
     }
@@ -277,12 +276,12 @@ pub(super) fn resend(
     let sent = packets.len();
     for packet in packets {
         add(&mut state.telemetry.counters.resent_blocks, 1);
-        // The next packet detects that a link has gone.
+        // The next packet detects a closed link.
         if channel.answer(packet).is_err() {
             return Ok(());
         }
     }
-    // A client that paces shows by its Credit what it has received.
+    // The Credit of a pacing client shows what it has received.
     if sent > 0 && channel.exchange.window.is_none() {
         let detail = format!(
             "{sent} packets of frame {frame} are requested again, and the client sends no Credit"
@@ -344,7 +343,7 @@ fn check_in_time(state: &mut State, hz: f64) -> Done {
     match why.filter(|_| state.late.drops()) {
         None => Ok(()),
         Some(why) => Err(Refusal::value(format!(
-            "FrameRate.hz = {hz}: {why}; set run.latency_s, or ask for less"
+            "FrameRate.hz = {hz}: {why}; set run.latency_s, or lower the rate"
         ))),
     }
 }

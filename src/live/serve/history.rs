@@ -1,4 +1,4 @@
-//! The accepted attitudes, and the vehicle state that an exposure gets from them.
+//! The accepted attitudes, and the vehicle state of an exposure derived from them.
 
 use hifitime::Epoch;
 use nalgebra::Vector3;
@@ -75,7 +75,7 @@ impl History {
         let is_last = at == self.messages.len();
         self.messages.insert(at, latched);
         let spacing = seconds(exposure_s * MIN_SPACING);
-        // The message before it lies between two that are closer to each other than the spacing.
+        // The message before it lies between two with less than the spacing.
         if is_last
             && let Some(before) = self.messages.iter().rev().nth(2)
             && epoch - before.vehicle.epoch < spacing
@@ -88,7 +88,7 @@ impl History {
     }
 
     /// Removes the messages with a later time.
-    pub fn forget_after(&mut self, epoch: Epoch) {
+    pub fn drop_after(&mut self, epoch: Epoch) {
         let at = self.after(epoch);
         self.messages.truncate(at);
     }
@@ -126,7 +126,7 @@ impl History {
         let near_after = next.filter(|one| one.vehicle.epoch <= exposure.mid + limit);
         let is_far = last.vehicle.epoch > exposure.end + limit;
         if is_far && !near_before {
-            return Some(out_of_reach(last, exposure, staleness, true));
+            return Some(from_outdated(last, exposure, staleness, true));
         }
         // A message too far in the future is not used to interpolate.
         let ends_before = is_far && near_after.is_none();
@@ -141,14 +141,14 @@ impl History {
             Some(_) if age_s < 0.0 => AttitudeSource::Future,
             Some(_) if age_s == 0.0 => AttitudeSource::Exact,
             Some(last) if !near_before => {
-                return Some(out_of_reach(last, exposure, staleness, false));
+                return Some(from_outdated(last, exposure, staleness, false));
             }
             Some(_) if next.is_some() && !ends_before => AttitudeSource::Interpolated,
             Some(_) => AttitudeSource::Extrapolated,
         };
         let is_known = before.is_none() || near_before;
         let vehicle = if is_known && exposure.start < last.vehicle.epoch && !ends_before {
-            self.turning(exposure, message)?
+            self.with_mean_rates(exposure, message)?
         } else {
             message.vehicle.at(exposure.mid)
         };
@@ -161,7 +161,7 @@ impl History {
     }
 
     /// The attitude at mid-exposure, with the constant rates that connect those at start and end.
-    fn turning(&self, exposure: &Exposure, message: &Latched) -> Option<VehicleState> {
+    fn with_mean_rates(&self, exposure: &Exposure, message: &Latched) -> Option<VehicleState> {
         let [start, mid, end] =
             [exposure.start, exposure.mid, exposure.end].map(|epoch| self.at(epoch));
         let (start, mid, end) = (start?, mid?, end?);
@@ -189,7 +189,7 @@ impl History {
 }
 
 /// The vehicle state from an attitude that is too old, or too far in the future.
-fn out_of_reach(
+fn from_outdated(
     message: &Latched,
     exposure: &Exposure,
     staleness: &Staleness,

@@ -1,5 +1,5 @@
 //! Frames whose last packet is in a link's queue. Their times are known when it leaves. A client
-//! that takes nothing affects no other link.
+//! that takes nothing does not affect other links.
 
 use super::channel::Channel;
 use super::frame_job::FrameJob;
@@ -9,15 +9,15 @@ use crate::timing::FrameTimes;
 use skyloop_link::{Exit, Mark, QUEUE};
 use std::time::Duration;
 
-/// A frame that leaves a link.
+/// A frame in a link's queue.
 pub(super) struct InFlightFrame {
     /// Its times, except the end.
     pub left: Left,
     /// When the complete frame could leave.
     pub ready: Duration,
     pub link: usize,
-    /// Position of its last packet in the link's queue, and its entry in the link's account; none:
-    /// it was not queued whole.
+    /// Position of its last packet in the link's queue, and its entry in the link's counters; none:
+    /// it was not queued completely.
     pub queued: Option<(Mark, Pending)>,
     /// The exchange of its client.
     pub exchange: u32,
@@ -39,7 +39,7 @@ impl InFlightFrame {
                     attitude_age_s: job.source.pointing.age_s,
                     first_pixel: job.since_trigger(job.first_pixel),
                     last_pixel,
-                    first_octet: job.since_trigger(job.first_octet),
+                    first_byte: job.since_trigger(job.first_byte),
                     ..FrameTimes::incomplete(job.number)
                 },
                 trigger: job.trigger(),
@@ -65,12 +65,12 @@ impl InFlight {
         self.0.push(frame);
     }
 
-    /// Takes a frame that has left its link, with the time, or that never will.
+    /// Takes a frame that has left its link, with its exit, or one that never will.
     pub fn take_tx_complete(
         &mut self,
         channels: &[Channel],
     ) -> Option<(InFlightFrame, Option<Exit>)> {
-        // A link's queue holds no more frames than packets: the oldest has been lost.
+        // A link's queue has no more frames than packets, so the oldest was lost.
         if self.0.len() > QUEUE * channels.len() {
             let oldest = self.0.remove(0);
             if let (Some((mark, _)), Some(channel)) = (&oldest.queued, channels.get(oldest.link)) {

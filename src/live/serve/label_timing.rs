@@ -12,7 +12,7 @@ pub(super) struct LabelTiming {
     pub attitude_age_s: f64,
     pub trigger: u32,
     pub out_of_order: bool,
-    /// None for the stepped clock: there labels do not depend on real time.
+    /// None for the stepped clock, whose labels do not depend on real time.
     pub live: Option<LiveTiming>,
 }
 
@@ -21,7 +21,7 @@ pub(super) struct LiveTiming {
     pub sync: Sync,
     pub first_pixel_s: f64,
     pub last_pixel_s: f64,
-    pub first_octet_s: f64,
+    pub first_byte_s: f64,
     pub pixels_sent_s: f64,
     pub spare_s: f64,
 }
@@ -51,7 +51,7 @@ impl LabelTiming {
                 padded(live.sync.offset_s),
                 ms(live.first_pixel_s),
                 ms(live.last_pixel_s),
-                ms(live.first_octet_s),
+                ms(live.first_byte_s),
                 ms(live.pixels_sent_s),
                 ms(live.spare_s),
             );

@@ -66,12 +66,12 @@ struct Estimate {
 }
 
 impl Estimate {
-    /// Whether it is measured again, however long it took.
+    /// Whether it is measured again, regardless of the last duration.
     fn is_due(&self) -> bool {
         self.took_s.is_none() || self.since >= self.retry_after.max(RETRY_AFTER[0])
     }
 
-    /// Whether it may take no more than `s`.
+    /// Whether it may take at most `s`, or is to be retried.
     fn fits(&self, s: f64) -> bool {
         self.is_due() || self.took_s.is_none_or(|took_s| took_s <= s)
     }
@@ -83,11 +83,11 @@ impl Estimate {
     }
 
     fn learn(&mut self, took: Duration) {
-        let (took_s, [first, most]) = (took.as_secs_f64(), RETRY_AFTER);
+        let (took_s, [first, max]) = (took.as_secs_f64(), RETRY_AFTER);
         self.retry_after = if took_s <= self.allowed_s {
             0
         } else {
-            self.retry_after.saturating_mul(2).clamp(first, most)
+            self.retry_after.saturating_mul(2).clamp(first, max)
         };
         (self.took_s, self.since) = (Some(took_s), 0);
     }
@@ -98,14 +98,14 @@ impl Estimate {
     }
 }
 
-/// What happens to an exposure.
+/// Decision about an exposure.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Decision {
     /// Render it.
     Render {
         /// Level of tolerances.
         level: usize,
-        /// What its label says about lateness.
+        /// Lateness in its label.
         overrun: Option<&'static str>,
     },
     /// Drop it.
@@ -317,9 +317,9 @@ mod tests {
     }
 
     #[test]
-    fn late_frames_come_late_and_say_so() {
+    fn late_frames_are_sent_and_labelled_late() {
         let mut overrun = LatePolicy::of(OnOverrun::Late);
-        assert_eq!(overrun.at(0, 0), FINEST, "nothing is known yet");
+        assert_eq!(overrun.at(0, 0), FINEST, "no estimate yet");
         overrun.took([50]);
         assert_eq!([overrun.at(50, 0), overrun.at(49, 0)], [FINEST, LATE]);
         let single_shot = overrun.decide(None, Duration::ZERO);
@@ -328,15 +328,15 @@ mod tests {
     }
 
     #[test]
-    fn exposures_are_left_out_until_a_frame_may_be_in_time_again() {
+    fn exposures_are_dropped_until_a_retry() {
         let mut overrun = LatePolicy::of(OnOverrun::Drop);
         overrun.took([200]);
-        let verdicts = std::iter::repeat_with(|| overrun.at(100, 0));
-        let dropped = verdicts.take_while(|verdict| *verdict == Decision::Drop);
+        let decisions = std::iter::repeat_with(|| overrun.at(100, 0));
+        let dropped = decisions.take_while(|decision| *decision == Decision::Drop);
         assert_eq!((dropped.count(), overrun.dropped), (4, 4));
         overrun.took([10]);
         assert_eq!(overrun.at(100, 0), FINEST);
-        // The first frame after those that were left out has said so.
+        // The first frame after dropped exposures is labelled so.
         overrun.took([101]);
         assert_eq!(overrun.at(100, 0), Decision::Drop);
         overrun.took([99]);
@@ -345,7 +345,7 @@ mod tests {
     }
 
     #[test]
-    fn frames_are_coarsened_in_the_order_that_is_configured() {
+    fn frames_are_coarsened_in_configured_order() {
         let mut overrun = LatePolicy::of(OnOverrun::Coarsen);
         overrun.took([200]);
         assert_eq!(overrun.at(100, 0), coarsened(1));
@@ -355,18 +355,18 @@ mod tests {
         assert_eq!(overrun.fidelity(2).unwrap().wing_e, 1.0);
         overrun.learn(2, ms(120));
         assert_eq!(overrun.at(100, 0), render(2, Some("late")), "the coarsest");
-        // With more time the finest that fits.
+        // With more time, the finest level that fits.
         overrun.learn(2, ms(90));
         assert_eq!(overrun.at(160, 0), coarsened(1));
-        // What was too slow is tried again.
+        // A level that was too slow is retried.
         overrun.learn(1, ms(90));
         let mut next = (0..12).map(|_| overrun.at(100, 0));
-        assert!(next.any(|verdict| verdict == FINEST));
+        assert!(next.any(|decision| decision == FINEST));
         assert_eq!(overrun.dropped, 0);
     }
 
     #[test]
-    fn what_never_is_in_time_is_tried_ever_more_seldom_and_one_hiccup_costs_little() {
+    fn retry_interval_doubles_and_one_outlier_costs_little() {
         for policy in [OnOverrun::Coarsen, OnOverrun::Drop] {
             let mut overrun = LatePolicy::of(policy);
             let mut tried = Vec::new();
@@ -377,11 +377,11 @@ mod tests {
                 }
             }
             let apart: Vec<i32> = tried.windows(2).map(|two| two[1] - two[0] - 1).collect();
-            // X-Val: twice as many each time, up to 256; 4 + ... + 256 = 508 and 8 frames, then
-            // five times 256 and one.
+            // X-Val: doubled each time up to 256: 4 + ... + 256 = 508 and 8 frames, then five times
+            // 256 and one.
             assert_eq!(apart, [4, 8, 16, 32, 64, 128, 256, 256, 256, 256, 256, 256]);
-            // When it is in time again, that is forgotten.
-            let is_tried = |verdict| matches!(verdict, Decision::Render { level: 0, .. });
+            // A frame in time resets the interval.
+            let is_tried = |decision| matches!(decision, Decision::Render { level: 0, .. });
             while !is_tried(overrun.at(100, 0)) {}
             overrun.took([90]);
             assert_eq!(overrun.at(100, 0), FINEST);
@@ -392,7 +392,7 @@ mod tests {
     }
 
     #[test]
-    fn a_way_that_took_long_once_leaves_few_exposures_out() {
+    fn one_long_transmission_drops_few_exposures() {
         let mut overrun = LatePolicy::of(OnOverrun::Drop);
         overrun.took([10]);
         assert_eq!(overrun.at(100, 80), FINEST);
@@ -404,19 +404,19 @@ mod tests {
     }
 
     #[test]
-    fn what_a_device_holds_back_for_too_long_is_late_however_coarse_it_is() {
-        for (policy, verdict) in [
+    fn frame_held_too_long_is_late_at_any_level() {
+        for (policy, decision) in [
             (OnOverrun::Late, LATE),
             (OnOverrun::Coarsen, LATE),
             (OnOverrun::Drop, Decision::Drop),
         ] {
             // Before the first frame, too.
             let mut overrun = LatePolicy::of(policy);
-            assert_eq!(overrun.at(100, 101), verdict);
+            assert_eq!(overrun.at(100, 101), decision);
             overrun.took([90]);
-            assert_eq!(overrun.at(100, 101), verdict);
+            assert_eq!(overrun.at(100, 101), decision);
         }
-        // What is rendered meanwhile takes no time besides; the way comes after both.
+        // Rendering and holding overlap; transmission follows both.
         let mut overrun = LatePolicy::of(OnOverrun::Coarsen);
         overrun.took([70]);
         assert_eq!(overrun.at(100, 80), FINEST);
@@ -424,7 +424,7 @@ mod tests {
         assert_eq!([overrun.at(100, 80), overrun.at(100, 75)], [LATE, FINEST]);
         overrun.took([90]);
         assert_eq!(overrun.at(100, 75), coarsened(1));
-        // Held for too long, and the finest not ready by then: the first that is; if none is, the
+        // Held for too long, with the finest not ready by then: the first level that is, else the
         // last.
         let mut overrun = LatePolicy::of(OnOverrun::Coarsen);
         overrun.took([150, 100]);
@@ -433,7 +433,7 @@ mod tests {
         assert_eq!(overrun.at(100, 101), render(2, Some("late")));
     }
 
-    /// The settings of all levels, and the steps that are none, from `fidelity` on.
+    /// The tolerances of all levels from `fidelity` on, and the ineffective steps.
     fn levels(fidelity: Fidelity, steps: &[Coarser]) -> (Vec<Fidelity>, Vec<String>) {
         let (overrun, idle) = LatePolicy::new(OnOverrun::Coarsen, fidelity, steps);
         let levels = overrun.levels.iter().map(|level| level.fidelity).collect();
@@ -441,7 +441,7 @@ mod tests {
     }
 
     #[test]
-    fn steps_are_of_the_setting_that_the_run_has_and_those_that_are_no_coarser_are_told() {
+    fn steps_start_from_the_runs_fidelity_and_ineffective_ones_are_listed() {
         let coarser = |fidelity| Fidelity {
             wing_e: 0.5,
             ..fidelity
@@ -456,7 +456,7 @@ mod tests {
         assert_eq!(found, [Fidelity::FAST, coarser(Fidelity::FAST)]);
         let expected = ["\"reference\"", "\"fast\"", "\"wing_e = 0.1\"", "\"fast\""];
         assert_eq!(idle, expected);
-        // With no step left a late frame is late. Steps that are not taken are not told.
+        // Without an effective step a late frame is late. Unused steps are not listed.
         for (policy, idle_steps) in [
             (OnOverrun::Coarsen, 1),
             (OnOverrun::Late, 0),

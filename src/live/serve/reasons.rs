@@ -11,12 +11,12 @@ pub(super) const RESET: &str = "client sent Reset";
 pub(super) const CLIENT_GONE: &str = "client gone";
 /// The run ended.
 pub(super) const RUN_ENDED: &str = "run ended";
-/// A fault held packets of the frame back until the run had ended.
+/// A fault held packets of the frame back until the end of the run.
 pub(super) const HELD_BACK: &str = "held back by a fault";
 /// No attitude has come for the exposure.
 pub(super) const NO_ATTITUDE: &str = "no attitude for the exposure";
 /// `run.on_overrun = "drop"` drops it.
-pub(super) const LEFT_OUT: &str = "would have been late";
+pub(super) const WOULD_BE_LATE: &str = "would have been late";
 /// Its Trigger was dropped because the client's clock was stepped.
 pub(super) const CLOCK_SET: &str = "client's clock was set";
 /// The exposure ended while the one before was rendered or waited, or was dropped before its end.
@@ -28,7 +28,7 @@ pub(super) const UNDETERMINED: &str = "not known yet";
 pub(super) const LAPSED: &str =
     "packets of it are removed from the queue: the proof of the client's address has lapsed";
 
-/// A reason in a few words, for the table of the run.
+/// A short reason for the table of the run.
 pub(super) fn name(why: Withheld) -> &'static str {
     match why {
         Withheld::None => "other",
@@ -78,7 +78,7 @@ pub(super) fn remedy(why: Withheld, address: &str, effects: [Option<FaultEffect>
         Some((FaultEffect::Delays, direction)) => {
             format!("a fault (--faults, Fault) delays packets on the way {direction}: end it first")
         }
-        // The fault may be over, and not the cause.
+        // The fault may have ended, or not be the cause.
         Some((FaultEffect::Loses, direction)) => format!(
             "a fault (--faults, Fault) has lost or damaged packets on the way {direction}: end it, if it lasts; else {without}"
         ),
@@ -94,14 +94,14 @@ fn remedy_without_faults(why: Withheld, address: &str) -> &'static str {
         }
         Withheld::NoCredit => "grant `received + window` (Credit) after every few frame packets",
         Withheld::NotRead => "read the link, or send Reset when the client ends",
-        Withheld::SlowLink => "ask for less (Output), a lower rate or a faster link",
+        Withheld::SlowLink => "reduce the output (Output) or the rate, or use a faster link",
         Withheld::NoProof => {
             "let the client send each Challenge (APID 0x20B) back as it came, and Ping where none comes, or add proof=off to the link where addresses cannot be forged"
         }
         Withheld::Lost => {
             "enlarge the client's receive buffer (SO_RCVBUF), pace by Credit with a smaller window, or limit the link (rate_mbit)"
         }
-        Withheld::TooLong => "ask for other labels (Output)",
+        Withheld::TooLong => "select other labels (Output)",
         Withheld::Refused => "see the Nack's detail",
         Withheld::NoClient => "let the client send Ping or Credit first",
         Withheld::NoTrigger => {
@@ -116,10 +116,10 @@ mod tests {
     use super::*;
     use FaultEffect::{Delays, Loses};
 
-    /// Credit that is late or lost stops frames as frame packets do. A full link can only come of
-    /// packets that are late on the way out.
+    /// Late or lost Credit stops frames like late or lost frame packets. Only packets delayed on
+    /// the path out can fill a link.
     #[test]
-    fn a_fault_is_the_remedy_where_it_can_be_the_cause() {
+    fn remedy_names_a_fault_that_can_be_the_cause() {
         use Withheld::{
             Lost, NoClient, NoCredit, NoProof, NoTrigger, NotRead, Refused, SlowLink, TooLong,
         };

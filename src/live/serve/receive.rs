@@ -1,7 +1,7 @@
 //! Packets from the links: decoded, executed by the table of commands, answered.
 
 use super::commands::{Answer, row_of};
-use super::frame_queue::LISTEN;
+use super::frame_queue::RECEIVE_TIME;
 use super::handlers::Call;
 use super::reasons::name;
 use super::refusal::Refusal;
@@ -18,13 +18,13 @@ use std::time::{Duration, Instant};
 /// Detail of the refusal of a wrong Challenge.
 const WRONG_CHALLENGE: &str = "this Challenge is not of this address or time";
 
-/// Waits up to `timeout` for a packet or an event of the renderer; handles a packet that is there.
+/// Waits up to `timeout` for a packet or an event of the renderer; handles the waiting packets.
 /// False if a link has ended.
 pub(super) fn receive(state: &mut State, timeout: Duration) -> Result<bool, LinkError> {
     let timeout = if state.session.flush()? {
         timeout
     } else {
-        timeout.min(LISTEN)
+        timeout.min(RECEIVE_TIME)
     };
     let received = take_one_each(state)?;
     if received == Some(false) {
@@ -34,8 +34,8 @@ pub(super) fn receive(state: &mut State, timeout: Duration) -> Result<bool, Link
     Ok(received.is_some())
 }
 
-/// Handles the packets that have arrived; false if a link has ended. At most a full queue of them,
-/// so that a flood does not stop the frames.
+/// Handles at most a full queue of received packets, so that a flood does not stop the frames.
+/// False if a link has ended.
 pub(super) fn receive_waiting(state: &mut State) -> Result<bool, LinkError> {
     state.session.flush()?;
     for _ in 0..QUEUE {
@@ -48,7 +48,8 @@ pub(super) fn receive_waiting(state: &mut State) -> Result<bool, LinkError> {
     Ok(true)
 }
 
-/// Handles the next packet of each link; whether there was one, or none if a link has ended.
+/// Handles the next packet of each link; returns whether there was one, or none if a link has
+/// ended.
 fn take_one_each(state: &mut State) -> Result<Option<bool>, LinkError> {
     let mut received = false;
     for link in 0..state.session.channels.len() {
@@ -102,7 +103,7 @@ fn enter_exchange(state: &mut State, link: usize, exchange: u32) -> bool {
         state.frames.cancel_unwanted(&state.session);
     }
     if let Some(mute) = &mut state.session.channels[link].exchange.muted {
-        mute.heard = true;
+        mute.has_sent = true;
     }
     true
 }
@@ -138,7 +139,7 @@ fn execute(state: &mut State, call: &Call<'_>, command: Command) -> Result<(), L
 /// packets of the first camera's client.
 fn count_gaps(state: &mut State, call: &Call<'_>, command: &Command) {
     let channel = &mut state.session.channels[call.link];
-    channel.exchange.heard = true;
+    channel.exchange.has_client = true;
     let is_relay = state.followers.is_follower && channel.roles.truth;
     if is_relay || matches!(command, Command::Reset) {
         return;
@@ -176,7 +177,7 @@ fn refuse(
     let is_first = packet == "Attitude" && !state.client.has_attitude();
     let channel = &mut state.session.channels[call.link];
     if packet == "Trigger" {
-        // The refusal is the reason, and not that Triggers are missing.
+        // The refusal is the reason, not a missing Trigger.
         channel.report_log.untriggered = None;
     }
     if is_first || is_requested {
@@ -187,7 +188,7 @@ fn refuse(
     state.session.nack(call.link, id, *reason, detail, now)
 }
 
-/// Books the frame that a refused packet requests; whether it requests one.
+/// Counts the frame that a refused packet requests; returns whether it requests one.
 fn fail_refused(state: &mut State, packet: &str) -> bool {
     let is_requested = state.client.is_requested_by(packet);
     if is_requested {
@@ -205,10 +206,10 @@ fn refuse_undecodable(
     error: &DecodeError,
 ) -> Result<(), LinkError> {
     let id @ (apid, _) = packet::identify(packet).unwrap_or((0, 0));
-    see_refused(state, link, id);
+    count_refused(state, link, id);
     let now = state.client.now();
     let counters = &mut state.telemetry.counters;
-    // The link takes a right Challenge out.
+    // The link removes valid Challenges.
     let reply = (state.session.personality.decode_reply)(packet);
     if matches!(reply, Ok((_, Reply::Challenge(_)))) {
         let reason = Reason::ValueOutOfRange;
@@ -222,7 +223,7 @@ fn refuse_undecodable(
     counters.refuse_undecodable(error);
     let detail = error.to_string();
     let is_attitude = apid == ATTITUDE;
-    // A damaged packet requests nothing: it may have been anything.
+    // A damaged packet requests nothing: its kind is unknown.
     let is_value = matches!(
         error.reason(),
         Reason::QuaternionNotUnit | Reason::NotFinite | Reason::ValueOutOfRange
@@ -243,7 +244,7 @@ fn refuse_undecodable(
 
 /// Counts a refused packet as received if its sequence count is the expected one. Other counts of a
 /// damaged header are not used.
-fn see_refused(state: &mut State, link: usize, (apid, count): (u16, u16)) {
+fn count_refused(state: &mut State, link: usize, (apid, count): (u16, u16)) {
     let known = &mut state.session.channels[link].exchange.gaps;
     let mut gaps = known.clone();
     if gaps.missing(apid, count) == 0 {

@@ -16,7 +16,7 @@ use std::time::{Duration, Instant};
 pub(super) enum Task {
     /// Render a frame.
     Render(Box<RenderOrder>),
-    /// Reuse the memory of a shot.
+    /// Reuse the memory of a frame.
     Recycle(Box<ExposedFrame>),
 }
 
@@ -29,7 +29,7 @@ pub(super) struct RenderOrder {
     pub repeat: u32,
     /// New tolerances from this frame on.
     pub fidelity: Option<Fidelity>,
-    /// What its label says about lateness.
+    /// Lateness in its label.
     pub overrun: Option<&'static str>,
     /// Whether rows are reported before the frame is complete.
     pub streams: bool,
@@ -39,7 +39,7 @@ pub(super) struct RenderOrder {
     pub coarser: Vec<Fidelity>,
 }
 
-/// What the thread reports.
+/// Events of the thread.
 pub(super) enum RenderEvent {
     /// The label is complete.
     Labelled(Opening),
@@ -81,12 +81,12 @@ impl RowBuffers {
     pub fn fill(&self, bands: usize, pixels: usize) {
         for _ in 0..bands.min(Self::MAX) {
             // Written, so that the system maps the memory.
-            self.give(vec![1; pixels]);
+            self.put(vec![1; pixels]);
         }
     }
 
-    /// Takes a buffer back.
-    pub fn give(&self, mut rows: Vec<u16>) {
+    /// Returns a buffer.
+    pub fn put(&self, mut rows: Vec<u16>) {
         rows.clear();
         let mut buffers = lock(&self.0);
         if buffers.len() < Self::MAX {
@@ -129,8 +129,8 @@ pub(super) fn renderer(server: Thread) -> (Renderer, RenderThread) {
 }
 
 impl Renderer {
-    /// Gives the thread a task; false if it has ended.
-    pub fn give(&self, task: Task) -> bool {
+    /// Orders a task; false if the thread has ended.
+    pub fn order(&self, task: Task) -> bool {
         self.tasks.send(task).is_ok()
     }
 
@@ -155,7 +155,7 @@ impl Renderer {
 }
 
 impl RenderThread {
-    /// Renders frames until the server drops its end. Cameras that share `turn` render one after
+    /// Renders frames until the server closes its end. Cameras that share `turn` render one after
     /// another, each with all threads.
     pub fn run(mut self, emulator: &mut Emulator, turn: &Mutex<()>) {
         for task in self.tasks {

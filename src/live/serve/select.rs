@@ -1,4 +1,4 @@
-//! Parts of a frame for slow links: the brightest objects, and windows around the brightest stars.
+//! Selection of the brightest objects and of windows around the brightest stars, for slow links.
 
 use skyloop_protocols::reply::ID_LENGTH;
 use skyloop_protocols::{ObjectRecord, Positions};
@@ -19,11 +19,11 @@ fn by_brightness(
     objects
 }
 
-/// Records of the `most` brightest objects in the frame.
-pub(super) fn brightest_objects(exposed: &ExposedFrame, most: u16) -> Vec<u8> {
+/// Records of the `max` brightest objects in the frame.
+pub(super) fn brightest_objects(exposed: &ExposedFrame, max: u16) -> Vec<u8> {
     by_brightness(exposed, |_| true)
         .into_iter()
-        .take(usize::from(most))
+        .take(usize::from(max))
         .flat_map(|object| record(object).to_bytes())
         .collect()
 }
@@ -49,11 +49,11 @@ fn record(object: &ObjectLabel) -> ObjectRecord {
 }
 
 /// First pixels (column, row) of windows of `size` columns and rows: around `positions`, or around
-/// the `most` brightest stars. Each lies inside the frame: near an edge it is shifted.
+/// the `max` brightest stars. Each lies inside the frame: near an edge it is shifted.
 pub(super) fn windows(
     exposed: &ExposedFrame,
     size: u8,
-    most: u8,
+    max: u8,
     positions: Option<&Positions>,
 ) -> Vec<[u16; 2]> {
     let detector = &exposed.camera.detector;
@@ -61,17 +61,17 @@ pub(super) fn windows(
         let last = pixels as f64 - f64::from(size);
         (centre.round() - f64::from(size / 2)).clamp(0.0, last.max(0.0)) as u16
     };
-    let place = |x: f64, y: f64| [first(x, detector.width), first(y, detector.height)];
+    let corner = |x: f64, y: f64| [first(x, detector.width), first(y, detector.height)];
     match positions {
         Some(positions) => {
             let centres = positions.centres().iter();
-            let centres = centres.map(|[column, row]| place(f64::from(*column), f64::from(*row)));
+            let centres = centres.map(|[column, row]| corner(f64::from(*column), f64::from(*row)));
             centres.collect()
         }
         None => {
             let stars = by_brightness(exposed, |object| object.rso.is_none()).into_iter();
-            let stars = stars.take(usize::from(most));
-            stars.map(|star| place(star.x_px, star.y_px)).collect()
+            let stars = stars.take(usize::from(max));
+            stars.map(|star| corner(star.x_px, star.y_px)).collect()
         }
     }
 }

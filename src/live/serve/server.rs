@@ -1,4 +1,4 @@
-//! The emulator at its links: drives the parts of a run.
+//! The emulator with its links: drives the parts of a run.
 
 use super::client::Client;
 use super::diagnosis::report_silence;
@@ -28,23 +28,23 @@ const POLL: Duration = Duration::from_millis(20);
 /// How long the end of a run waits after a signal, for all links together.
 const STOP_TIMEOUT: Duration = Duration::from_millis(1500);
 
-/// The emulator at its links.
+/// The emulator with its links.
 pub struct Server {
-    /// None while the render thread has it.
+    /// `None` while the render thread uses it.
     emulator: Option<Emulator>,
     fidelity: Fidelity,
     state: State,
     /// When the run was stopped, if it was.
     stopped: Option<Instant>,
-    /// When nothing is sent any more, unless the run was stopped.
+    /// When sending ends, unless the run was stopped.
     until: Option<Instant>,
 }
 
-/// How a run came to its end.
+/// How a run ended.
 #[must_use = "a run may have ended because of an error of its own"]
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Ended {
-    /// It was stopped, or has made its frames.
+    /// It was stopped, or has rendered its frames.
     AsRequested,
     /// The other end of the link has gone for good.
     LinkGone,
@@ -53,7 +53,7 @@ pub enum Ended {
 }
 
 impl Server {
-    /// Puts `emulator` at its links. Frames contain `output` until a client sends Output.
+    /// Connects `emulator` to its links. Frames contain `output` until a client sends Output.
     pub fn new(
         emulator: Emulator,
         links: impl IntoIterator<Item = (Wire, Roles)>,
@@ -79,9 +79,9 @@ impl Server {
         }
     }
 
-    /// Puts `emulator`, that of a further camera, at links that bring its frames. It gets copies of
-    /// the packets about the vehicle, with their arrival times. Cameras render one after another,
-    /// each with all threads. It runs in a thread of its own, and ends when this server has gone.
+    /// Connects the `emulator` of a further camera to links that carry its frames. It gets copies
+    /// of the packets about the vehicle, with their arrival times. Cameras render one after
+    /// another, each with all threads. It runs in a separate thread, and ends with this server.
     pub fn head(
         &mut self,
         emulator: Emulator,
@@ -117,22 +117,22 @@ impl Server {
         if let Some(emulator) = &mut self.emulator {
             emulator.work_limit_s = Some(run.work_limit_s);
         }
-        // Warnings about the run come once, from the first camera.
+        // Only the first camera logs warnings about the run.
         if !followers.is_follower {
             for step in idle {
                 tracing::warn!(
-                    "run.coarsen: {step} makes nothing coarser than what stands before it, the run's `fidelity` first, and is passed over; leave it out, or name what is coarser"
+                    "run.coarsen: {step} makes nothing coarser than the step before it, or the run's `fidelity`, and is skipped; remove it, or name a coarser one"
                 );
             }
             if run.on_overrun == OnOverrun::Coarsen && late.fidelity(1).is_none() {
                 tracing::warn!(
-                    "run.on_overrun = \"coarsen\": none of `run.coarsen` makes frames coarser, so that those which would be late come late; name knobs such as \"wing_e = 1\""
+                    "run.on_overrun = \"coarsen\": none of `run.coarsen` makes frames coarser, so late frames are sent late; name a tolerance such as \"wing_e = 1\""
                 );
             }
             let idle = run.idle_in_step().join(", ");
             if client.is_stepped() && !idle.is_empty() {
                 tracing::warn!(
-                    "{idle}: no meaning by the stepped clock, where frames leave as they are made and none is late; leave that out, or set run.clock"
+                    "{idle}: no effect with the stepped clock, where no frame is late; remove it, or set run.clock"
                 );
             }
         }
@@ -151,7 +151,7 @@ impl Server {
         self.until = until;
     }
 
-    /// Publishes the figures of the run in `metrics` ten times a second.
+    /// Publishes the metrics of the run in `metrics` ten times a second.
     pub fn set_metrics(&mut self, metrics: Metrics) {
         self.state.telemetry.metrics = Some(metrics);
     }
@@ -174,7 +174,7 @@ impl Server {
         self.state.session.check_rate(camera)
     }
 
-    /// Where the emulator listens, link by link.
+    /// The addresses of the links.
     pub fn addresses(&self) -> Vec<String> {
         let channels = self.state.session.channels.iter();
         let addresses = channels.map(|channel| channel.wire.address.clone());
@@ -198,18 +198,18 @@ impl Server {
         self.state.counters()
     }
 
-    /// What the run measured.
+    /// Statistics of the run.
     pub fn stats(&self) -> &RunStats {
         &self.state.telemetry.stats
     }
 
-    /// Serves until `stop` is set or `limit` frames are made. `on_shot` sees each frame when it has
-    /// been given to its links, or given up; its memory is reused after that.
+    /// Serves until `stop` is set or `limit` frames are rendered. `on_exposed` gets each frame when
+    /// it was queued on its links or dropped; its memory is reused after that.
     pub fn run(
         &mut self,
         stop: &AtomicBool,
         limit: Option<u32>,
-        on_shot: impl FnMut(&ExposedFrame),
+        on_exposed: impl FnMut(&ExposedFrame),
     ) -> Ended {
         let Some(mut emulator) = self.emulator.take() else {
             return Ended::AsRequested;
@@ -220,7 +220,7 @@ impl Server {
             let (emulator, span) = (&mut emulator, tracing::Span::current());
             let rendering =
                 scope.spawn(move || span.in_scope(|| render_thread.run(emulator, &turn)));
-            let ended = self.serve(&renderer, stop, limit, on_shot);
+            let ended = self.serve(&renderer, stop, limit, on_exposed);
             drop(renderer);
             if rendering.join().is_err() {
                 return Ok(Ended::Panicked);
@@ -249,7 +249,7 @@ impl Server {
         renderer: &Renderer,
         stop: &AtomicBool,
         limit: Option<u32>,
-        mut on_shot: impl FnMut(&ExposedFrame),
+        mut on_exposed: impl FnMut(&ExposedFrame),
     ) -> Result<Ended, LinkError> {
         let state = &mut self.state;
         for channel in &state.session.channels {
@@ -260,7 +260,7 @@ impl Server {
             let bands = detector.height.div_ceil(BAND_ROWS);
             renderer.buffers().fill(bands, detector.width * BAND_ROWS);
         }
-        let ended = run_loop(state, renderer, stop, limit, &mut on_shot);
+        let ended = run_loop(state, renderer, stop, limit, &mut on_exposed);
         if stop.load(Ordering::Relaxed) && matches!(ended, Ok(Ended::AsRequested)) {
             self.stopped = Some(Instant::now());
         }
@@ -269,21 +269,21 @@ impl Server {
         while state.frames.is_rendering()
             && let Ok(event) = renderer.wait()
         {
-            // The link for a refusal may have gone.
+            // The link for a refusal may have closed.
             let _ = handle_event(state, event, renderer.buffers());
         }
         state.frames.end_all(&mut state.session);
-        settle(state, renderer, &mut on_shot);
+        settle(state, renderer, &mut on_exposed);
         ended
     }
 
-    /// Ends the links when everything queued has left, when nothing moves for 5 s, 1.5 s after the
-    /// run was stopped, or at [`Self::end_by`]. Returns what the run measured and counted.
+    /// Ends the links when all queued packets have left, when nothing moves for 5 s, 1.5 s after
+    /// the run was stopped, or at [`Self::end_by`]. Returns statistics and counters of the run.
     pub fn close(mut self) -> (RunStats, Counters) {
         let stopped = self.stopped.map(|stopped| stopped + STOP_TIMEOUT);
         self.state.session.close(stopped.or(self.until));
         self.state.record_tx_complete();
-        self.state.book_unsent();
+        self.state.count_unsent();
         let counters = self.state.counters();
         let State {
             session,
@@ -295,9 +295,9 @@ impl Server {
         let outgoing = session.channels.into_iter();
         let outgoing = outgoing.filter(|channel| channel.roles.bring_frames());
         for (number, channel) in outgoing.enumerate() {
-            let account = Session::account(&channel, skipped);
+            let frames = Session::counters_of(&channel, skipped);
             let address = channel.wire.address;
-            stats.accounts.push((address.clone(), account));
+            stats.accounts.push((address.clone(), frames));
             if number == 0 {
                 (stats.link, stats.latencies) = (address, channel.latencies);
             } else {
@@ -314,7 +314,7 @@ fn run_loop(
     renderer: &Renderer,
     stop: &AtomicBool,
     limit: Option<u32>,
-    on_shot: &mut impl FnMut(&ExposedFrame),
+    on_exposed: &mut impl FnMut(&ExposedFrame),
 ) -> Result<Ended, LinkError> {
     while !stop.load(Ordering::Relaxed) {
         while !(state.frames.is_rendering() && state.session.holds_frame()) {
@@ -334,7 +334,7 @@ fn run_loop(
         for channel in &mut state.session.channels {
             report_silence(channel, needs_trigger, now);
         }
-        let settled = settle(state, renderer, on_shot);
+        let settled = settle(state, renderer, on_exposed);
         state.publish(Instant::now());
         let is_complete = limit.is_some_and(|limit| state.telemetry.stats.frames >= limit);
         if is_complete && state.frames.jobs.is_empty() {
@@ -353,22 +353,26 @@ fn run_loop(
     Ok(Ended::AsRequested)
 }
 
-/// Takes the frames whose deliveries have ended; whether there was one.
-fn settle(state: &mut State, renderer: &Renderer, on_shot: &mut impl FnMut(&ExposedFrame)) -> bool {
+/// Takes the frames whose deliveries have ended; returns whether there was one.
+fn settle(
+    state: &mut State,
+    renderer: &Renderer,
+    on_exposed: &mut impl FnMut(&ExposedFrame),
+) -> bool {
     state.record_tx_complete();
     let mut any = false;
     while let Some(job) = state.frames.take_done(&mut state.telemetry) {
         any = true;
-        if let Some(exposed) = job.into_shot() {
-            on_shot(&exposed);
+        if let Some(exposed) = job.into_exposed() {
+            on_exposed(&exposed);
             state.frames.pool.put(exposed);
         }
     }
     let max = state.max_frames();
     let in_flight = state.frames.jobs.len();
     while let Some(exposed) = state.frames.pool.take_surplus(in_flight, max) {
-        // A thread that has ended needs no memory.
-        let _ = renderer.give(Task::Recycle(exposed));
+        // A thread that has ended does not need it.
+        let _ = renderer.order(Task::Recycle(exposed));
     }
     any
 }

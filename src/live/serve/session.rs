@@ -2,7 +2,7 @@
 
 use super::budget;
 use super::channel::Channel;
-use super::diagnosis::book_withheld;
+use super::diagnosis::count_withheld;
 use super::reasons::{PASSED_OVER, name};
 use crate::stats::{FrameCounters, Request};
 use bytes::Bytes;
@@ -14,14 +14,14 @@ use skyloop_protocols::{
 use skyloop_render::camera::Camera;
 use std::time::{Duration, Instant};
 
-/// How long the end of a run waits for a client that takes nothing. A pseudo-terminal passes 4 KiB
-/// at once: 4.3 s for a client that reads at 9600 baud.
+/// Wait at the end of a run for a client that takes nothing. A pseudo-terminal passes 4 KiB at
+/// once, which takes a client 4.3 s at 9600 baud.
 const CLOSE_TIMEOUT: Duration = Duration::from_secs(5);
 
-/// The links of a run, and what frames contain by default.
+/// The links of a run, and the default content of frames.
 pub(super) struct Session {
     pub channels: Vec<Channel>,
-    /// What frames contain until a client sends Output.
+    /// Content of frames until a client sends Output.
     pub default_output: Output,
     pub personality: &'static Personality,
 }
@@ -41,13 +41,13 @@ impl Session {
         }
     }
 
-    /// The links that bring frames.
+    /// The links that carry frames.
     pub fn outgoing(&self) -> impl Iterator<Item = &Channel> {
         let channels = self.channels.iter();
         channels.filter(|channel| channel.roles.bring_frames())
     }
 
-    /// The link that brings the truth.
+    /// Index of the link that carries the truth.
     pub fn truth(&self) -> usize {
         let truth = self.channels.iter().position(|channel| channel.roles.truth);
         truth.unwrap_or(0)
@@ -66,7 +66,7 @@ impl Session {
     }
 
     /// Whether the transmission time of this link counts for the late policy: the first link that
-    /// brings pixels to a client, else the first that brings frames.
+    /// carries pixels to a client, else the first that carries frames.
     pub fn leads(&self, link: usize) -> bool {
         let first = |brings: fn(&Roles) -> bool| {
             let mut channels = self.channels.iter();
@@ -76,20 +76,20 @@ impl Session {
         pixels.or_else(|| first(Roles::bring_frames)) == Some(link)
     }
 
-    /// Whether no other link brings frames.
+    /// Whether no other link carries frames.
     pub fn is_only_outgoing(&self, link: usize) -> bool {
         let mut channels = self.channels.iter().enumerate();
         !channels.any(|(other, channel)| other != link && channel.roles.bring_frames())
     }
 
-    /// Tells the links whether a frame is being rendered. A replay depends on it.
+    /// Notes on the links whether a frame is being rendered. A replay depends on it.
     pub fn set_rendering(&self, is_rendering: bool) {
         for channel in &self.channels {
             channel.wire.inbox.making(is_rendering);
         }
     }
 
-    /// Whether a replay has a packet that comes before the end of the present rendering.
+    /// Whether a replay has a packet to be taken before the end of the present rendering.
     pub fn holds_frame(&self) -> bool {
         let mut channels = self.channels.iter();
         channels.any(|channel| channel.wire.inbox.holds_frame())
@@ -145,7 +145,7 @@ impl Session {
         self.send(link, &Reply::Nack(nack), now)
     }
 
-    /// Reports on all outgoing links that frames do not come.
+    /// Reports withheld frames on all outgoing links.
     pub fn report(&mut self, why: Withheld, detail: &str) {
         let channels = self.channels.iter_mut();
         for channel in channels.filter(|channel| channel.roles.bring_frames()) {
@@ -153,16 +153,16 @@ impl Session {
         }
     }
 
-    /// Books a request that gives no frame, on all outgoing links.
+    /// Counts a request without a frame, on all outgoing links.
     pub fn fail(&mut self, request: Request, cause: &'static str) {
         let channels = self.channels.iter_mut();
         for channel in channels.filter(|channel| channel.roles.bring_frames()) {
             let entry = channel.frames.open(&request);
-            book_withheld(channel, entry, cause);
+            count_withheld(channel, entry, cause);
         }
     }
 
-    /// Books several requests that give no frames.
+    /// Counts several requests without frames.
     pub fn fail_all(&mut self, count: u32, cause: &'static str) {
         (0..count).for_each(|_| self.fail(Request::default(), cause));
     }
@@ -196,7 +196,7 @@ impl Session {
         Ok(())
     }
 
-    /// Ends the links when everything queued has left, when nothing moves for [`CLOSE_PATIENCE`],
+    /// Ends the links when all queued packets have left, when nothing moves for [`CLOSE_TIMEOUT`],
     /// or at `until`.
     pub fn close(&mut self, until: Option<Instant>) {
         for channel in &mut self.channels {
@@ -221,8 +221,8 @@ impl Session {
         }
     }
 
-    /// The account of a link, with the exposures that the clock skipped.
-    pub fn account(channel: &Channel, skipped: u32) -> FrameCounters {
+    /// The frame counters of a link, with the exposures that the clock skipped.
+    pub fn counters_of(channel: &Channel, skipped: u32) -> FrameCounters {
         let frames = channel.frames.clone();
         frames.with(skipped as usize, PASSED_OVER)
     }

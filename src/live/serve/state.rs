@@ -85,26 +85,26 @@ impl State {
         self.late.max_in_flight(Some(rate_hz)) + links.saturating_sub(1)
     }
 
-    /// Books the frames that have left their links.
+    /// Counts the frames that have left their links.
     pub fn record_tx_complete(&mut self) {
         while let Some((frame, exit)) = self
             .frames
             .in_flight
             .take_tx_complete(&self.session.channels)
         {
-            self.book(frame, exit);
+            self.count_frame(frame, exit);
         }
     }
 
-    /// Books the frames with unsent packets at the end of a run.
-    pub fn book_unsent(&mut self) {
+    /// Counts the frames with unsent packets at the end of a run.
+    pub fn count_unsent(&mut self) {
         while let Some(frame) = self.frames.in_flight.take_oldest() {
-            self.book(frame, None);
+            self.count_frame(frame, None);
         }
     }
 
-    /// Books a frame that has left its link; without an exit it never will.
-    fn book(&mut self, mut frame: InFlightFrame, exit: Option<Exit>) {
+    /// Counts a frame that has left its link; without an exit it never will.
+    fn count_frame(&mut self, mut frame: InFlightFrame, exit: Option<Exit>) {
         let lost = exit.and_then(|exit| exit.lost);
         let last = exit.filter(|_| lost.is_none()).map(|exit| exit.at);
         let leads = self.session.leads(frame.link);
@@ -120,7 +120,7 @@ impl State {
         if let Some(last) = last {
             left.times = left.times.ended(left.trigger, left.deadline, last);
             if leads {
-                let after = left.times.last_octet.saturating_sub(frame.ready);
+                let after = left.times.last_byte.saturating_sub(frame.ready);
                 self.late.learn_transmission(after);
             }
         } else if left.deadline.is_none() {
@@ -141,7 +141,7 @@ impl State {
         counters
     }
 
-    /// Publishes the figures for `/metrics`, ten times a second.
+    /// Publishes the metrics, ten times a second.
     pub fn publish(&mut self, now: Instant) {
         if self.telemetry.is_publication_due(now) {
             let snapshot = self.snapshot(now);
@@ -153,8 +153,8 @@ impl State {
         let skipped = self.client.clock.missed();
         let several = self.session.outgoing().count() > 1;
         let mut links = self.session.outgoing().map(|channel| {
-            let account = Session::account(channel, skipped);
-            let mut snapshot = channel.snapshot(account);
+            let frames = Session::counters_of(channel, skipped);
+            let mut snapshot = channel.snapshot(frames);
             snapshot.link = several.then(|| channel.wire.address.clone());
             snapshot
         });

@@ -11,7 +11,7 @@ use std::time::Instant;
 /// The Status for the client of a link.
 pub(super) fn status(state: &State, link: usize) -> Status {
     let channel = &state.session.channels[link];
-    // A link without frames reports those of the first link that brings some.
+    // A link without frames reports the first link with frames.
     let source = if channel.roles.bring_frames() {
         Some(channel)
     } else {
@@ -28,7 +28,7 @@ pub(super) fn status(state: &State, link: usize) -> Status {
         time.unwrap_or_default()
     };
     let latency_s = |quantile| {
-        let latency = source.and_then(|source| source.latencies.last_octet.quantile(quantile));
+        let latency = source.and_then(|source| source.latencies.last_byte.quantile(quantile));
         latency.map_or(0.0, |latency| latency.as_secs_f32())
     };
     Status {
@@ -65,8 +65,8 @@ fn timing(times: &FrameTimes) -> Timing {
         attitude_age_s: times.attitude_age_s as f32,
         first_pixel_s: times.first_pixel.as_secs_f32(),
         last_pixel_s: times.last_pixel.as_secs_f32(),
-        first_octet_s: times.first_octet.as_secs_f32(),
-        last_octet_s: times.last_octet.as_secs_f32(),
+        first_octet_s: times.first_byte.as_secs_f32(),
+        last_octet_s: times.last_byte.as_secs_f32(),
         spare_s: if times.spare_s.is_finite() {
             times.spare_s as f32
         } else {

@@ -1,4 +1,4 @@
-//! What a run counts and measures.
+//! Counters and measurements of a run.
 
 use super::clock::due::Due;
 use crate::metrics::{Metrics, Snapshot};
@@ -9,7 +9,7 @@ use skyloop_render::engine::{Emulator, ExposedFrame};
 use skyloop_render::scene::Exposure;
 use std::time::{Duration, Instant};
 
-/// Interval of the figures for `/metrics`.
+/// Interval of publications for `/metrics`.
 const PUBLISH_INTERVAL: Duration = Duration::from_millis(100);
 
 /// Adds to a counter, which wraps.
@@ -45,7 +45,7 @@ pub(super) struct Telemetry {
     pub metrics: Option<Metrics>,
     published: Option<Instant>,
     pub on_left: Option<OnLeft>,
-    /// Objects that could not be shown.
+    /// Objects that could not be rendered.
     absent: Absent,
 }
 
@@ -106,13 +106,13 @@ impl Telemetry {
         }
     }
 
-    /// Whether the figures for `/metrics` are due.
+    /// Whether a publication for `/metrics` is due.
     pub fn is_publication_due(&self, now: Instant) -> bool {
         let is_recent = |at| now.saturating_duration_since(at) < PUBLISH_INTERVAL;
         self.metrics.is_some() && !self.published.is_some_and(is_recent)
     }
 
-    /// Publishes the figures for `/metrics`.
+    /// Publishes a snapshot for `/metrics`.
     pub fn publish(&mut self, snapshot: Snapshot, now: Instant) {
         if let Some(metrics) = &self.metrics {
             metrics.publish(snapshot);

@@ -30,7 +30,7 @@ pub(super) fn send_packet(
     job: Option<&mut FrameJob>,
     personality: &Personality,
 ) -> Result<Step, LinkError> {
-    // Another client would not have all of the frame.
+    // Another client would get an incomplete frame.
     if channel.has_gone(delivery.exchange) {
         return Ok(Step::Over(Some(CLIENT_GONE)));
     }
@@ -126,7 +126,7 @@ fn offer(
         *refused = true;
         return Ok(Step::NoRoom);
     }
-    job.first_octet.get_or_insert_with(Instant::now);
+    job.first_byte.get_or_insert_with(Instant::now);
     // A packet that is never sent takes no sequence count.
     if let Some((apid, _)) = identify(packet) {
         channel.counts.next(apid);
@@ -137,7 +137,7 @@ fn offer(
         sent.packets.extend(packet);
     }
     delivery.stall = Stall::at(channel.progress());
-    // A client that has the last packet may ask at once what was delivered.
+    // A client with the last packet may request a Status at once.
     let is_over = delivery.packets.as_ref().is_some_and(FramePackets::is_over);
     Ok(if is_over {
         Step::Over(None)

@@ -14,11 +14,11 @@ pub struct Drift {
     /// The two times of the first frame.
     zero: Option<(Epoch, Instant)>,
     /// Lowest latency in the first part and in the last, relative to the first frame, s.
-    least_s: [Option<f64>; 2],
+    min_s: [Option<f64>; 2],
 }
 
 impl Drift {
-    /// Of a run of this length, whose first fifth and last are compared.
+    /// For a run of this length. Compares its first and last fifth.
     #[must_use]
     pub fn over(length: Duration) -> Self {
         Self {
@@ -28,8 +28,8 @@ impl Drift {
         }
     }
 
-    /// A frame whose exposure ended at `exposed` came at `at`, `since` the run began.
-    pub fn see(&mut self, since: Duration, exposed: Epoch, at: Instant) {
+    /// Adds a frame whose exposure ended at `exposed` and that arrived at `at`, `since` the start.
+    pub fn add(&mut self, since: Duration, exposed: Epoch, at: Instant) {
         let (scene, client) = *self.zero.get_or_insert((exposed, at));
         let part = if since <= self.part {
             0
@@ -40,21 +40,21 @@ impl Drift {
         };
         let passed_s = crate::timing::spare_s(at, client);
         let more_s = passed_s - (exposed - scene).to_seconds();
-        if let Some(least_s) = self.least_s.get_mut(part) {
-            *least_s = Some(least_s.map_or(more_s, |least_s| least_s.min(more_s)));
+        if let Some(min_s) = self.min_s.get_mut(part) {
+            *min_s = Some(min_s.map_or(more_s, |min_s| min_s.min(more_s)));
         }
     }
 
     /// Loss of scene time from the first part to the last, s; none if a part had no frame.
     #[must_use]
     pub fn seconds(&self) -> Option<f64> {
-        let [first, last] = self.least_s;
+        let [first, last] = self.min_s;
         Some(last? - first?)
     }
 
     /// The text in the table.
     #[must_use]
-    pub fn told(&self) -> String {
+    pub fn describe(&self) -> String {
         self.seconds().map_or("not known".to_string(), |drift_s| {
             format!("{:+.2} ms from the first fifth to the last", drift_s * 1e3)
         })
@@ -72,7 +72,7 @@ mod tests {
     use super::*;
     use skyloop_orbit::time::seconds;
 
-    /// Drift of 100 s at 10 Hz, with a latency of `late_s` and a loss per second of `lost`.
+    /// Drift over 100 s at 10 Hz, with a latency of `late_s` and a loss per second of `lost`.
     fn drift_s(lost: f64, late_s: impl Fn(u32) -> f64) -> f64 {
         let (scene, zero) = (
             Epoch::from_gregorian_utc_hms(2026, 6, 1, 0, 0, 0),
@@ -81,36 +81,34 @@ mod tests {
         let mut drift = Drift::over(Duration::from_secs(100));
         for frame in 0..1000 {
             let exposed_s = f64::from(frame) * 0.1;
-            let came_s = exposed_s * (1.0 + lost) + late_s(frame);
-            let since = Duration::from_secs_f64(came_s);
-            drift.see(since, scene + seconds(exposed_s), zero + since);
+            let arrival_s = exposed_s * (1.0 + lost) + late_s(frame);
+            let since = Duration::from_secs_f64(arrival_s);
+            drift.add(since, scene + seconds(exposed_s), zero + since);
         }
         drift.seconds().unwrap()
     }
 
     #[test]
-    fn a_clock_that_loses_is_told_and_frames_that_wait_are_not() {
-        // Each late by another time from 10 ms on, and in the last fifth every second by 50 ms
-        // more.
+    fn drift_is_measured_despite_varying_latency() {
+        // A varying latency from 10 ms; in the last fifth every second frame waits 50 ms more.
         let late_s = |frame: u32| {
             let spread = 0.004 * (f64::from(frame) * 0.618_033_988_75).fract();
             let waits = frame >= 800 && frame.is_multiple_of(2);
             0.01 + spread + if waits { 0.05 } else { 0.0 }
         };
         assert!(drift_s(0.0, late_s).abs() < 1e-4);
-        // X-Val: 1e-4 of the 80 s from the start of the first fifth to that of the last, where the
-        // least lies.
+        // X-Val: 1e-4 of the 80 s between the starts of the parts, where the minimum lies.
         assert!((drift_s(1e-4, |_| 0.01) - 8e-3).abs() < 1e-4);
-        // One that gains has its least at the parts' ends.
+        // For a gaining clock the minimum lies at the ends of the parts.
         assert!((drift_s(-1e-4, |_| 0.01) + 8e-3).abs() < 1e-4);
     }
 
     #[test]
-    fn a_run_that_was_stopped_tells_no_drift() {
+    fn stopped_run_has_no_drift() {
         let mut drift = Drift::over(Duration::from_secs(100));
-        assert_eq!(drift.told(), "not known");
+        assert_eq!(drift.describe(), "not known");
         let now = Instant::now();
-        drift.see(Duration::ZERO, Epoch::from_unix_seconds(0.0), now);
+        drift.add(Duration::ZERO, Epoch::from_unix_seconds(0.0), now);
         assert_eq!(drift.seconds(), None);
     }
 }

@@ -6,14 +6,10 @@ use std::time::Duration;
 
 /// A frame that took 4 ms.
 pub const TIMES: FrameTimes = FrameTimes {
-    frame: 0,
-    attitude_age_s: 0.0,
-    first_pixel: Duration::ZERO,
-    last_pixel: Duration::ZERO,
-    first_octet: Duration::ZERO,
-    last_octet: Duration::from_millis(4),
+    last_byte: Duration::from_millis(4),
     spare_s: 0.05,
     whole: true,
+    ..FrameTimes::incomplete(0)
 };
 
 /// Limits without one on memory.
@@ -45,7 +41,7 @@ pub fn run(limits: &Limits, frames: u32, slow: u32, late: std::ops::Range<u32>) 
     for frame in 0..frames {
         let mut times = FrameTimes { frame, ..TIMES };
         if frame >= slow && (frame - slow).is_multiple_of(2) {
-            times.last_octet = Duration::from_micros(14_200);
+            times.last_byte = Duration::from_micros(14_200);
         }
         if late.contains(&frame) {
             times.spare_s = -4.2e-3;

@@ -19,12 +19,12 @@ pub struct Limits {
     pub max_growth: Option<f64>,
 }
 
-/// One camera's frames.
+/// Measurements of one camera.
 #[derive(Debug, Clone, Default, Serialize)]
 pub struct Camera {
     /// Its name.
     pub name: String,
-    /// Their latencies.
+    /// Latencies of its frames.
     pub latencies: Latencies,
     /// Drift against the client's clock, s.
     #[serde(rename = "drift_s")]
@@ -34,7 +34,7 @@ pub struct Camera {
 /// Measurements of a run.
 #[derive(Debug, Clone, Default)]
 pub struct Measured {
-    /// Its cameras, the first first.
+    /// Its cameras in order.
     pub cameras: Vec<Camera>,
     /// Message if it was stopped early.
     pub stopped: Option<String>,
@@ -48,20 +48,20 @@ impl Limits {
     /// A collector that notes the first frame beyond the limits.
     #[must_use]
     pub fn latencies(&self) -> Latencies {
-        let most = |most_ms| bound(most_ms).unwrap_or(Duration::ZERO);
-        Latencies::watching(self.max_p99_ms.map(most))
+        let limit = |max_ms| bound(max_ms).unwrap_or(Duration::ZERO);
+        Latencies::watching(self.max_p99_ms.map(limit))
     }
 
     /// A verdict for each limit and camera. A run without frames, or that was stopped, fails.
     #[must_use]
-    pub fn judge(&self, found: &Measured) -> Vec<Verdict> {
+    pub fn assess(&self, found: &Measured) -> Vec<Verdict> {
         let mut verdicts = Vec::new();
         for Camera {
             name, latencies, ..
         } in &found.cameras
         {
             let mut own = vec![self.deadlines(latencies)];
-            own.extend(self.max_p99_ms.map(|most_ms| p99(most_ms, latencies)));
+            own.extend(self.max_p99_ms.map(|max_ms| p99(max_ms, latencies)));
             if found.cameras.len() > 1 {
                 for verdict in &mut own {
                     verdict.text = format!("{name}: {}", verdict.text);
@@ -71,9 +71,9 @@ impl Limits {
             verdicts.extend(own);
         }
         // Memory is not assessed if the run was stopped before it was warm.
-        let is_told = found.stopped.is_none() || found.memory.warm.is_some();
-        let most = self.max_growth.filter(|_| is_told);
-        verdicts.extend(most.map(|most| growth(most, &found.memory)));
+        let is_assessed = found.stopped.is_none() || found.memory.warm.is_some();
+        let max = self.max_growth.filter(|_| is_assessed);
+        verdicts.extend(max.map(|max| growth(max, &found.memory)));
         let stopped = found.stopped.clone();
         verdicts.extend(stopped.map(|text| Verdict::new("minutes", false, text)));
         verdicts
@@ -82,21 +82,21 @@ impl Limits {
     fn deadlines(&self, found: &Latencies) -> Verdict {
         let Latencies { frames, missed, .. } = found;
         let rate = *missed as f64 / *frames as f64;
-        let most = self.max_miss_rate;
-        let passed = rate <= most;
-        let told = format!("deadlines missed: {missed} of {frames} ({})", short(rate));
+        let max = self.max_miss_rate;
+        let passed = rate <= max;
+        let text_start = format!("deadlines missed: {missed} of {frames} ({})", short(rate));
         let first = found.first_miss.filter(|_| !passed);
         let text = match (passed, first) {
             _ if *frames == 0 => {
                 "deadlines: there was no frame; give the run more minutes than a period of the camera's takes".to_string()
             }
-            (true, _) => format!("{told} within {}", short(most)),
-            (false, None) => format!("{told} is not within {}", short(most)),
+            (true, _) => format!("{text_start} within {}", short(max)),
+            (false, None) => format!("{text_start} is not within {}", short(max)),
             (false, Some(miss)) => format!(
-                "{told} is above {}: frame {} was the first ({})",
-                short(most),
+                "{text_start} is above {}: frame {} was the first ({})",
+                short(max),
                 miss.frame,
-                miss.told()
+                miss.describe()
             ),
         };
         Verdict {
@@ -106,34 +106,35 @@ impl Limits {
     }
 }
 
-/// A limit as a duration, clamped to the longest; `None` if no duration meets it.
-fn bound(most_ms: f64) -> Option<Duration> {
-    let most = Duration::try_from_secs_f64(most_ms * 1e-3).unwrap_or(Duration::MAX);
-    (most_ms >= 0.0).then_some(most)
+/// A limit as a duration, clamped to the maximum; `None` if no duration meets it.
+fn bound(max_ms: f64) -> Option<Duration> {
+    let max = Duration::try_from_secs_f64(max_ms * 1e-3).unwrap_or(Duration::MAX);
+    (max_ms >= 0.0).then_some(max)
 }
 
-fn p99(most_ms: f64, found: &Latencies) -> Verdict {
-    let whole = found.last_octet.count();
+fn p99(max_ms: f64, found: &Latencies) -> Verdict {
+    let whole = found.last_byte.count();
     let lost = found.frames.saturating_sub(whole);
     // Incomplete frames count as the slowest.
     let part = 0.99 * (1.0 + lost as f64 / whole as f64);
-    let p99 = found.last_octet.quantile(part).filter(|_| part <= 1.0);
+    let p99 = found.last_byte.quantile(part).filter(|_| part <= 1.0);
     let ms = |time: Duration| time.as_secs_f64() * 1e3;
-    let within = |p99: Duration| bound(most_ms).is_some_and(|most| p99 <= most);
+    let within = |p99: Duration| bound(max_ms).is_some_and(|max| p99 <= max);
     let passed = p99.is_some_and(within);
     let first = found.first_above.filter(|_| !passed);
-    let named = first.map(|slow| format!("frame {} was the first ({})", slow.frame, slow.told()));
+    let named =
+        first.map(|slow| format!("frame {} was the first ({})", slow.frame, slow.describe()));
     let text = match (p99, named) {
         (None, _) if found.frames == 0 => "p99 is not known: there was no frame".to_string(),
         (None, named) => format!(
-            "p99 is above {most_ms} ms: {lost} of {} frames did not come whole{}",
+            "p99 is above {max_ms} ms: {lost} of {} frames did not come whole{}",
             found.frames,
             named.map_or(String::new(), |named| format!("; {named}"))
         ),
-        (Some(p99), _) if passed => format!("p99 {:.1} ms within {most_ms} ms", ms(p99)),
-        (Some(p99), None) => format!("p99 {:.1} ms is not within {most_ms} ms", ms(p99)),
+        (Some(p99), _) if passed => format!("p99 {:.1} ms within {max_ms} ms", ms(p99)),
+        (Some(p99), None) => format!("p99 {:.1} ms is not within {max_ms} ms", ms(p99)),
         (Some(p99), Some(named)) => {
-            format!("p99 {:.1} ms is above {most_ms} ms: {named}", ms(p99))
+            format!("p99 {:.1} ms is above {max_ms} ms: {named}", ms(p99))
         }
     };
     Verdict {
@@ -142,14 +143,14 @@ fn p99(most_ms: f64, found: &Latencies) -> Verdict {
     }
 }
 
-fn growth(most: f64, memory: &Memory) -> Verdict {
-    let passed = memory.growth().is_some_and(|growth| growth <= most);
+fn growth(max: f64, memory: &Memory) -> Verdict {
+    let passed = memory.growth().is_some_and(|growth| growth <= max);
     let is = if passed { "within" } else { "is not within" };
-    let text = format!("memory {} {is} {:+} %", memory.told(), most * 1e2);
+    let text = format!("memory {} {is} {:+} %", memory.describe(), max * 1e2);
     Verdict::new("memory", passed, text)
 }
 
-/// A rate in two figures: `0`, `6.7e-4`, `1e-3`, `0.5`, `1`.
+/// A rate with two digits: `0`, `6.7e-4`, `1e-3`, `0.5`, `1`.
 fn short(rate: f64) -> String {
     match rate {
         0.0 => "0".to_string(),
@@ -165,15 +166,15 @@ mod tests {
     use crate::timing::FrameTimes;
 
     fn texts(limits: &Limits, found: &Measured) -> Vec<String> {
-        let verdicts = limits.judge(found);
+        let verdicts = limits.assess(found);
         verdicts.into_iter().map(|verdict| verdict.text).collect()
     }
 
     #[test]
-    fn a_run_that_keeps_its_limits_passes() {
+    fn run_within_its_limits_passes() {
         let limits = limits(1e-3, Some(12.0));
         let found = run(&limits, 18_000, 18_000, 17..29);
-        let verdicts = limits.judge(&found);
+        let verdicts = limits.assess(&found);
         assert!(verdicts.iter().all(|verdict| verdict.passed));
         assert!(verdicts.iter().all(|verdict| verdict.frame.is_none()));
         // X-Val: 12 / 18000 = 6.67e-4.
@@ -185,10 +186,10 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_kept_names_the_first_frame() {
+    fn exceeded_limits_name_the_first_frame() {
         let limits = limits(1e-3, Some(12.0));
         let found = run(&limits, 1000, 512, 17..29);
-        let verdicts = limits.judge(&found);
+        let verdicts = limits.assess(&found);
         assert!(verdicts.iter().all(|verdict| !verdict.passed));
         assert_eq!(
             verdicts[0].text,
@@ -208,7 +209,7 @@ mod tests {
     }
 
     #[test]
-    fn a_limit_that_is_just_reached_is_kept() {
+    fn limit_itself_is_met() {
         let none = limits(0.0, None);
         assert_eq!(
             texts(&none, &run(&none, 10, 10, 0..0)),
@@ -217,16 +218,16 @@ mod tests {
         let tenth = limits(0.1, Some(14.2));
         assert!(
             tenth
-                .judge(&run(&tenth, 10, 0, 3..4))
+                .assess(&run(&tenth, 10, 0, 3..4))
                 .iter()
                 .all(|v| v.passed)
         );
     }
 
     #[test]
-    fn a_run_without_frames_passes_nothing() {
+    fn run_without_frames_fails() {
         let limits = limits(1.0, Some(1e9));
-        let verdicts = limits.judge(&of(limits.latencies()));
+        let verdicts = limits.assess(&of(limits.latencies()));
         assert!(verdicts.iter().all(|verdict| !verdict.passed));
         assert_eq!(verdicts[1].text, "p99 is not known: there was no frame");
         let mut broken = limits.latencies();
@@ -234,7 +235,7 @@ mod tests {
             whole: false,
             ..TIMES
         });
-        let verdicts = limits.judge(&of(broken));
+        let verdicts = limits.assess(&of(broken));
         assert_eq!(
             verdicts[1].text,
             "p99 is above 1000000000 ms: 1 of 1 frames did not come whole; frame 0 was the first (not whole)"
@@ -242,7 +243,7 @@ mod tests {
     }
 
     #[test]
-    fn what_does_not_come_whole_takes_longer_than_all_else() {
+    fn incomplete_frames_count_as_the_slowest() {
         let limits = limits(1.0, Some(12.0));
         let lost = |count: u32| {
             let mut found = run(&limits, 1000 - count, 1000, 0..0);
@@ -250,7 +251,7 @@ mod tests {
                 let frame = FrameTimes::incomplete(frame);
                 found.cameras[0].latencies.add(&frame);
             }
-            limits.judge(&found).remove(1)
+            limits.assess(&found).remove(1)
         };
         // X-Val: 10 of 1000 are one in a hundred.
         assert_eq!(lost(10).text, "p99 4.0 ms within 12 ms");
@@ -264,19 +265,19 @@ mod tests {
     }
 
     #[test]
-    fn limits_that_are_no_numbers_are_kept_by_none() {
+    fn invalid_limits_are_never_met() {
         for hard in [f64::NAN, f64::NEG_INFINITY, -1.0] {
             let limits = limits(hard, Some(hard));
-            let verdicts = limits.judge(&run(&limits, 10, 5, 0..0));
+            let verdicts = limits.assess(&run(&limits, 10, 5, 0..0));
             assert!(verdicts.iter().all(|verdict| !verdict.passed), "{hard}");
         }
         let limits = limits(f64::INFINITY, Some(f64::MAX));
-        let verdicts = limits.judge(&run(&limits, 10, 5, 0..10));
+        let verdicts = limits.assess(&run(&limits, 10, 5, 0..10));
         assert!(verdicts.iter().all(|verdict| verdict.passed));
     }
 
     #[test]
-    fn memory_may_grow_by_so_much() {
+    fn memory_growth_is_limited() {
         let limits = Limits {
             max_growth: Some(0.01),
             ..limits(1.0, None)
@@ -297,7 +298,7 @@ mod tests {
             (None, Some(1), false),
             (Some(0), Some(1), false),
         ] {
-            let verdict = limits.judge(&with(warm, end)).remove(1);
+            let verdict = limits.assess(&with(warm, end)).remove(1);
             assert_eq!(
                 (verdict.name, verdict.passed),
                 ("memory", passes),
@@ -305,7 +306,7 @@ mod tests {
             );
         }
         let verdict = limits
-            .judge(&with(Some(100_000_000), Some(102_000_000)))
+            .assess(&with(Some(100_000_000), Some(102_000_000)))
             .remove(1);
         assert_eq!(
             verdict.text,
@@ -314,14 +315,14 @@ mod tests {
     }
 
     #[test]
-    fn each_camera_keeps_its_limits_and_a_run_that_was_stopped_keeps_nothing() {
+    fn limits_apply_to_each_camera_and_a_stopped_run_fails() {
         let limits = limits(1e-3, Some(12.0));
         let mut both = run(&limits, 1000, 1000, 0..0);
         let mut other = run(&limits, 1000, 512, 0..0);
         other.cameras[0].name = "starboard".to_string();
         both.cameras.append(&mut other.cameras);
         both.stopped = Some("stopped after 0.50 of 30 min".to_string());
-        let verdicts = limits.judge(&both);
+        let verdicts = limits.assess(&both);
         let passed: Vec<_> = verdicts.iter().map(|v| (v.name, v.passed)).collect();
         assert_eq!(
             passed,

@@ -8,7 +8,7 @@ use serde::{Serialize, Serializer};
 use skyloop_firmware_sim::verdict::{Suite, Verdict};
 use std::path::Path;
 
-/// The report of a long run.
+/// Results of a long run.
 #[derive(Debug, Clone, Serialize)]
 pub struct Report {
     /// The scene's name.
@@ -37,7 +37,7 @@ pub struct Report {
 }
 
 impl Report {
-    /// The report of a run; the limits are judged by its latencies.
+    /// Assesses the limits of a run.
     #[must_use]
     pub fn new(
         scene: String,
@@ -48,7 +48,7 @@ impl Report {
         realtime: Granted,
         counters: Vec<(&'static str, u32)>,
     ) -> Self {
-        let verdicts = limits.judge(&measured);
+        let verdicts = limits.assess(&measured);
         Self {
             scene,
             minutes,
@@ -75,10 +75,10 @@ impl Report {
                 rows.push(row("camera", camera.name.clone()));
             }
             rows.extend(camera.latencies.rows());
-            rows.push(row("drift of the clocks", camera.drift.told()));
+            rows.push(row("drift of the clocks", camera.drift.describe()));
         }
         rows.push(row("start to the first frame", first));
-        rows.push(row("memory", self.memory.told()));
+        rows.push(row("memory", self.memory.describe()));
         rows
     }
 
@@ -100,8 +100,8 @@ impl Report {
     }
 }
 
-/// The suite of a run of this file. Its class does not depend on the folder, since collectors group
-/// by it.
+/// The suite of a run of this file. The class name does not depend on the folder, because
+/// collectors group by it.
 #[must_use]
 pub fn suite(scene: &Path) -> Suite {
     let file = scene.file_name().unwrap_or(scene.as_os_str());
@@ -128,7 +128,7 @@ mod tests {
     use crate::soak::fixture::{limits, run};
 
     #[test]
-    fn the_report_has_it_all_and_a_case_for_each_verdict() {
+    fn report_has_all_measurements_and_a_case_per_verdict() {
         let limits = limits(1e-3, Some(12.0));
         let found = run(&limits, 1000, 512, 0..0);
         let host = Host::now();

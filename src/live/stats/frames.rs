@@ -1,4 +1,4 @@
-//! The account of the frames of one link: how many were requested, and how each request ended.
+//! Frame counters of one link: requests, and how each of them ended.
 //!
 //! After a run, requested = delivered + withheld on each link. The types enforce it: only a
 //! [`Request`] opens an entry, and its [`Pending`] can be neither copied nor used twice.
@@ -21,9 +21,9 @@ pub(crate) struct Pending(());
 pub struct FrameCounters {
     /// All requests so far.
     pub requested: usize,
-    /// Frames whose last packet has left the link, even if it is lost after that.
+    /// Frames whose last packet has left the link, even if it was lost later.
     pub delivered: usize,
-    /// Frames that have not left whole, by cause.
+    /// Frames that were not sent completely, by cause.
     pub withheld: BTreeMap<&'static str, usize>,
 }
 
@@ -39,12 +39,12 @@ impl FrameCounters {
         self.delivered += 1;
     }
 
-    /// Ends an entry: the frame has not left whole.
+    /// Ends an entry: the frame was not sent completely.
     pub(crate) fn withhold(&mut self, Pending(()): Pending, cause: &'static str) {
         *self.withheld.entry(cause).or_default() += 1;
     }
 
-    /// Adds requests that were counted elsewhere and have no frame.
+    /// Adds requests without a frame that were counted elsewhere.
     #[must_use]
     pub fn with(mut self, withheld: usize, cause: &'static str) -> FrameCounters {
         if withheld > 0 {

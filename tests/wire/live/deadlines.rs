@@ -106,7 +106,7 @@ fn times_of_a_frame_are_ordered_in_its_end_and_its_label() {
     let (stats, _) = emulator.measured();
     let longest = frames.iter().map(|frame| frame.end.timing.last_octet_s);
     let longest = longest.fold(0.0, f32::max);
-    let left = stats.latencies.last_octet.quantile(1.0).unwrap();
+    let left = stats.latencies.last_byte.quantile(1.0).unwrap();
     assert!(left + Duration::from_micros(1) >= Duration::from_secs_f32(longest));
 }
 
@@ -188,7 +188,7 @@ fn blocked_listeners_do_not_change_the_statistics_of_other_links() {
     let [(_, other)] = &stats.further[..] else {
         panic!("one further link");
     };
-    assert!(other.missed > own.missed && other.last_octet.count() == 0);
+    assert!(other.missed > own.missed && other.last_byte.count() == 0);
     assert_eq!(
         u64::from(counters.deadlines_missed),
         own.missed + other.missed

@@ -1,4 +1,4 @@
-//! The camera's own cadence: when each exposure ends, and its scene time.
+//! The camera's cadence: when each exposure ends, and its scene time.
 
 use super::due::Due;
 use hifitime::Epoch;
@@ -9,29 +9,29 @@ use skyloop_render::camera::{EXPOSURE_S, RATE_HZ};
 use std::sync::Mutex;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
-/// A client whose first attitude differs by more from this machine's time sets its own time, s.
+/// Maximum difference of the first attitude from this machine's time at which that time is used, s.
 const SAME_CLOCK_S: f64 = 10.0;
 
 /// When each exposure ends, and its scene time.
 #[derive(Debug)]
 pub struct Cadence {
     period: Duration,
-    /// Time from an exposure's end to the deadline of its frame; none: a period.
+    /// Time from the end of an exposure to the deadline of its frame; none: a period.
     latency: Option<Duration>,
     /// End of the present exposure; none while the cadence rests.
     next: Option<Instant>,
     /// Whether the cadence rests after it.
     rests: bool,
-    /// End of an exposure that waits for its frame, and its scene time if a pause began since.
+    /// End of the exposure that waits for its frame, and its scene time if a pause began since.
     ended: Option<(Instant, Option<Epoch>)>,
-    /// End of the single shot that was commanded, until its frame is taken.
+    /// End of the commanded single shot, until its frame is taken.
     exposed: Option<Instant>,
     /// A scene time and its instant.
     zero: Option<(Epoch, Instant)>,
     /// Whether the scene time is stopped, so that no exposure ends.
     paused: bool,
     /// Whether the scene time is extrapolated since a pause: the next time stamp sets it.
-    guessed: bool,
+    extrapolated: bool,
     /// Exposures without a frame.
     pub missed: u32,
 }
@@ -48,14 +48,14 @@ impl Cadence {
             exposed: None,
             zero: None,
             paused: false,
-            guessed: false,
+            extrapolated: false,
             missed: 0,
         }
     }
 
     /// Whether the next time stamp sets the scene time: the first, or the first after a pause.
     pub fn awaits_time(&self) -> bool {
-        self.zero.is_none() || self.guessed
+        self.zero.is_none() || self.extrapolated
     }
 
     /// Sets the scene time by a client's first attitude; the first exposure ends a period later. If
@@ -78,7 +78,7 @@ impl Cadence {
     pub fn start(&mut self, scene: Epoch, at: Instant) {
         self.advance(at);
         self.zero = Some((scene, at));
-        if !std::mem::replace(&mut self.guessed, self.paused) {
+        if !std::mem::replace(&mut self.extrapolated, self.paused) {
             // A waiting exposure takes the new scene time, except after a pause.
             self.ended = self.ended.map(|(end, _)| (end, None));
         }
@@ -90,27 +90,21 @@ impl Cadence {
     /// Stops the scene time and drops the present exposure. A waiting exposure keeps its frame.
     pub fn pause(&mut self, at: Instant) {
         self.advance(at);
-        // One that waits since an earlier pause already has its scene time.
+        // An exposure that waits since an earlier pause already has its scene time.
         let scene = |(end, scene): (Instant, Option<Epoch>)| (end, scene.or(self.scene_at(end)));
         self.ended = self.ended.map(scene);
         self.zero = self.scene_at(at).map(|scene| (scene, at));
-        (self.paused, self.guessed, self.next) = (true, true, None);
-        self.give_up_shot();
+        (self.paused, self.extrapolated, self.next) = (true, true, None);
+        self.drop_single_shot();
     }
 
     /// Counts a single shot as missed, unless it has ended and waits for its frame.
-    fn give_up_shot(&mut self) {
+    fn drop_single_shot(&mut self) {
         let ended = self.ended.map(|(end, _)| end);
-        if self
-            .exposed
-            .take_if(|exposed| Some(*exposed) != ended)
-            .is_some()
-        {
-            self.missed = self.missed.wrapping_add(1);
-        }
+        let dropped = self.exposed.take_if(|end| Some(*end) != ended);
+        self.missed = self.missed.wrapping_add(u32::from(dropped.is_some()));
     }
 
-    /// Whether it is paused.
     pub fn is_paused(&self) -> bool {
         self.paused
     }
@@ -124,12 +118,11 @@ impl Cadence {
         self.next = self.zero.filter(|_| !self.rests).map(|_| at + self.period);
     }
 
-    /// Time from an exposure's end to the deadline of its frame.
     pub fn latency(&self) -> Duration {
         self.latency.unwrap_or(self.period)
     }
 
-    /// The same at another rate.
+    /// The latency at another rate.
     pub fn latency_at(&self, rate_hz: f64) -> Duration {
         self.latency.unwrap_or_else(|| period(rate_hz))
     }
@@ -190,7 +183,7 @@ impl Cadence {
     /// Counts the exposures that have ended by `now` as missed.
     pub fn end(&mut self, now: Instant) {
         self.advance(now);
-        self.give_up_shot();
+        self.drop_single_shot();
         let waited = u32::from(self.ended.take().is_some());
         self.missed = self.missed.wrapping_add(waited);
         self.exposed = None;
@@ -227,12 +220,12 @@ impl Cadence {
         self.rests = true;
     }
 
-    /// Whether a single shot is being exposed, or waits for its frame.
+    /// Whether a single shot is exposed or waits for its frame.
     pub fn single_shot_is_open(&self) -> bool {
         self.exposed.is_some()
     }
 
-    /// Time until the next exposure has ended; long while the cadence rests.
+    /// Time until the next exposure ends; long while the cadence rests.
     pub fn until_due(&self, now: Instant) -> Duration {
         const RESTING: Duration = Duration::from_secs(3600);
         let due = self.ended.map(|(end, _)| end).or(self.next);
@@ -336,7 +329,7 @@ mod tests {
             self.clock.take_due(0.0, self.zero + ms(now))
         }
 
-        /// When the exposure that is taken at `now` has ended, in the scene's time.
+        /// End in scene time, ms, of the exposure that is taken at `now`.
         fn taken(&mut self, now: u64) -> Option<i64> {
             let mid = self.due(now)?.mid;
             Some(((mid - scene()).to_seconds() * 1e3).round() as i64)
@@ -353,11 +346,16 @@ mod tests {
         fn resume(&mut self, now: u64) {
             self.clock.resume(self.zero + ms(now));
         }
+
+        fn start(&mut self, scene_s: f64, now: u64) {
+            let scene = scene() + seconds(scene_s);
+            self.clock.start(scene, self.zero + ms(now));
+        }
     }
 
     #[test]
-    fn what_waits_at_a_pause_has_the_time_of_its_exposure() {
-        // Taken while it is paused, and after it.
+    fn exposure_waiting_at_a_pause_has_its_own_scene_time() {
+        // Taken during the pause, and after it.
         for resumed in [false, true] {
             let mut rig = Rig::new(50.0);
             rig.pause(35);
@@ -368,44 +366,43 @@ mod tests {
             assert_eq!(rig.taken(1002), None);
             rig.resume(2000);
             let next = if resumed { 1030 } else { 2030 };
-            // X-Val: 15 ms to go of what stood still at 35, and a period anew.
+            // X-Val: the scene stopped at 35 ms, and a period of 20 ms follows.
             assert_eq!(rig.taken(next), Some(55), "{resumed}");
         }
     }
 
     #[test]
-    fn what_waits_keeps_its_time_through_further_pauses_and_times_that_are_told() {
+    fn waiting_exposure_is_unaffected_by_further_pauses_and_time_stamps() {
         let mut rig = Rig::new(50.0);
         rig.pause(35);
         rig.resume(1000);
         rig.pause(1002);
         assert_eq!(rig.taken(1500), Some(20), "paused twice");
-        // A time that is told during the pause, and one after it.
+        // A time stamp during the pause, and one after it.
         for resumed in [false, true] {
             let mut rig = Rig::new(50.0);
             rig.pause(35);
             if resumed {
                 rig.resume(1000);
             }
-            rig.clock
-                .start(scene() + seconds(0.038), rig.zero + ms(1003));
+            rig.start(0.038, 1003);
             rig.resume(1004);
             assert_eq!(rig.taken(1005), Some(20), "{resumed}");
         }
-        // But where it is another time without a pause, what ended has that.
+        // Without a pause, a new scene time applies to the ended exposure.
         let mut rig = Rig::new(50.0);
-        rig.clock.start(scene() + seconds(100.0), rig.zero + ms(25));
+        rig.start(100.0, 25);
         assert_eq!(rig.taken(26), Some(99_995));
     }
 
     #[test]
-    fn exposures_end_at_the_period_and_carry_the_scenes_time() {
+    fn exposures_end_at_the_period_with_their_scene_time() {
         let unset = Cadence::new(50.0, None).take_due(0.01, Instant::now());
         assert!(unset.is_none());
         let Rig { mut clock, zero } = Rig::new(50.0);
         assert!(clock.take_due(0.01, zero + ms(19)).is_none());
         let due = clock.take_due(0.01, zero + ms(25)).unwrap();
-        // It ends a period of 20 ms after the attitude; its middle is 5 ms earlier.
+        // It ends 20 ms after the attitude; its middle is 5 ms earlier.
         assert!(((due.mid - scene()).to_seconds() - 0.015).abs() < 1e-9);
         assert_eq!(clock.until_due(zero + ms(25)), ms(15));
         // The frame is late from 40 ms on.
@@ -413,17 +410,17 @@ mod tests {
         assert_eq!(due.deadline, Some(zero + ms(40)));
         let mut rig = Rig { clock, zero };
         assert_eq!(rig.taken(95), Some(80), "the newest");
-        assert_eq!(rig.clock.missed, 2, "those that ended at 40 and at 60 ms");
+        assert_eq!(rig.clock.missed, 2, "ended at 40 and 60 ms");
         rig.clock.clear(50.0, zero + ms(145));
-        // And those that ended at 100, 120 and 140 ms.
+        // Also those of 100, 120 and 140 ms.
         assert_eq!((rig.clock.missed, rig.taken(200)), (5, None));
-        // A latency that is set is the deadline.
+        // A configured latency sets the deadline.
         let mut rig = Rig::of(Cadence::new(10.0, Some(ms(30))));
         assert_eq!(rig.due(105).unwrap().deadline, Some(rig.zero + ms(130)));
     }
 
     #[test]
-    fn another_rate_counts_from_the_last_exposure_and_invents_no_missed_ones() {
+    fn new_rate_counts_from_the_last_exposure_without_extra_misses() {
         let mut rig = Rig::new(10.0);
         assert_eq!(rig.taken(100), Some(100));
         rig.set_rate(20.0, 130);
@@ -433,7 +430,7 @@ mod tests {
         rig.set_rate(100.0, 1850);
         assert_eq!(rig.taken(1860), Some(1860), "from the command");
         assert_eq!(rig.clock.missed, 0);
-        // Those of 1870 to 1890 ms; that of 1900 still waits for its frame.
+        // Missed: 1870 to 1890 ms; the one of 1900 ms waits for its frame.
         rig.set_rate(1.0, 1905);
         assert_eq!(rig.clock.missed, 3);
         assert_eq!(rig.taken(1906), Some(1900));
@@ -441,8 +438,8 @@ mod tests {
     }
 
     #[test]
-    fn rates_and_exposures_that_are_no_numbers_are_brought_into_their_ranges() {
-        // X-Val: the slowest rate of all, 1e-4 Hz, has a period of 1e4 s.
+    fn invalid_rates_and_exposures_are_clamped() {
+        // X-Val: the lowest rate, 1e-4 Hz, has a period of 1e4 s.
         for slow in [f64::NAN, 0.0, -1.0, f64::NEG_INFINITY, 1e-300] {
             let Rig { mut clock, zero } = Rig::new(slow);
             assert_eq!(clock.until_due(zero), Duration::from_secs(10_000));
@@ -458,22 +455,23 @@ mod tests {
     }
 
     #[test]
-    fn a_single_shot_is_passed_over_for_nothing() {
+    fn single_shot_is_never_skipped() {
         let mut rig = Rig::new(10.0);
         rig.clock.single_shot(0.25, rig.zero + ms(350));
-        let missed = rig.clock.missed;
-        assert_eq!(missed, 2, "those that ended at 100 and at 200 ms");
+        assert_eq!(rig.clock.missed, 2, "ended at 100 and 200 ms");
         assert_eq!(rig.taken(360), Some(300));
         assert!(rig.clock.single_shot_is_open() && rig.taken(599).is_none());
         rig.set_rate(20.0, 500);
-        assert!(rig.clock.single_shot_is_open(), "a rate does not end it");
+        assert!(
+            rig.clock.single_shot_is_open(),
+            "a new rate does not end it"
+        );
         let due = rig.due(725).unwrap();
         assert_eq!(due.end, rig.zero + ms(600));
         // X-Val: a period of 20 Hz after its end.
         assert_eq!(due.deadline, Some(rig.zero + ms(650)));
         assert!(!rig.clock.single_shot_is_open());
-        let missed = rig.clock.missed;
-        assert_eq!(missed, 4, "and those that ended at 650 and at 700 ms");
+        assert_eq!(rig.clock.missed, 4, "also ended at 650 and 700 ms");
         assert_eq!(rig.taken(750), Some(750));
         rig.clock.single_shot(0.1, rig.zero + ms(760));
         assert_eq!(rig.taken(5000), Some(860));
@@ -484,13 +482,13 @@ mod tests {
     }
 
     #[test]
-    fn a_time_that_is_set_ahead_keeps_exposures_at_their_times() {
+    fn advanced_scene_time_does_not_change_exposure_times() {
         for ahead_s in [0.03, -0.03] {
             let Rig { mut clock, zero } = Rig::new(10.0);
             clock.set_ahead(ahead_s);
             let off = (clock.scene_at(zero).unwrap() - scene()).to_seconds() - ahead_s;
             assert!(off.abs() < 1e-9, "{off}");
-            // X-Val: 100 ms after the first attitude by the scene's time.
+            // X-Val: 100 ms after the first attitude, in scene time.
             let end = zero + Duration::from_secs_f64(0.1 - ahead_s);
             assert!(clock.take_due(0.0, end - ms(1)).is_none());
             let due = clock.take_due(0.0, end + ms(1)).unwrap();

@@ -11,9 +11,9 @@ const GAIN: f64 = 0.25;
 /// A larger offset is no transit time: the client's clock was stepped, or the stamp is wrong, s.
 const JUMP_S: f64 = 0.25;
 /// Offsets that differ by no more than this are alike, s.
-const ALIKE_S: f64 = 0.1;
+const SIMILAR_S: f64 = 0.1;
 /// A step is accepted after offsets have been alike for this long, s.
-pub const SURE_S: f64 = 0.25;
+pub const CONFIRM_S: f64 = 0.25;
 
 /// Estimate of the client's clock.
 #[derive(Debug, Default)]
@@ -22,11 +22,11 @@ pub(super) struct Discipline {
     ahead: VecDeque<f64>,
     /// Sum of all corrections, steps included, s.
     offset_s: f64,
-    /// The first of the offsets that are alike, s, and when.
-    doubted: Option<(f64, Epoch)>,
+    /// The first of several similar offsets, s, and its time.
+    candidate: Option<(f64, Epoch)>,
 }
 
-/// What follows from a time stamp.
+/// Consequence of a time stamp.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Correction {
     /// Advance the scene time by this much, s.
@@ -47,11 +47,11 @@ impl Discipline {
     pub fn observe(&mut self, stamp: Epoch, own: Epoch) -> Correction {
         let ahead_s = (stamp - own).to_seconds();
         if is_set(stamp, own) {
-            let alike = self
-                .doubted
-                .filter(|(first_s, _)| (ahead_s - first_s).abs() <= ALIKE_S);
-            let (_, since) = *self.doubted.insert(alike.unwrap_or((ahead_s, own)));
-            if (own - since).to_seconds() < SURE_S {
+            let similar = self
+                .candidate
+                .filter(|(first_s, _)| (ahead_s - first_s).abs() <= SIMILAR_S);
+            let (_, since) = *self.candidate.insert(similar.unwrap_or((ahead_s, own)));
+            if (own - since).to_seconds() < CONFIRM_S {
                 return Correction::Doubt(ahead_s);
             }
             *self = Discipline {
@@ -60,13 +60,13 @@ impl Discipline {
             };
             return Correction::Jump;
         }
-        self.doubted = None;
+        self.candidate = None;
         if self.ahead.len() >= WINDOW {
             self.ahead.pop_front();
         }
         self.ahead.push_back(ahead_s + self.offset_s);
-        let least_late = self.ahead.iter().copied().fold(f64::MIN, f64::max);
-        let by_s = GAIN * (least_late - self.offset_s);
+        let max_ahead_s = self.ahead.iter().copied().fold(f64::MIN, f64::max);
+        let by_s = GAIN * (max_ahead_s - self.offset_s);
         self.offset_s += by_s;
         Correction::Slew(by_s)
     }
@@ -82,18 +82,18 @@ mod tests {
     use super::*;
     use skyloop_orbit::time::seconds;
 
-    /// The offset, s, after 10 s of stamps every 20 ms from a clock that runs `drift` too fast,
-    /// with a transit time of up to `wire_s`; and the error of the scene time then.
-    fn followed(drift: f64, wire_s: f64) -> (f64, f64) {
+    /// The offset, s, after 10 s of stamps every 20 ms from a clock with a rate error of `drift`
+    /// and a transit time of up to `wire_s`; and the final error of the scene time.
+    fn track(drift: f64, wire_s: f64) -> (f64, f64) {
         let start = Epoch::from_gregorian_utc_hms(2026, 6, 1, 0, 0, 0);
         let (mut discipline, mut offset_s) = (Discipline::default(), 0.0);
         for n in 1..=500u32 {
             let sent_s = f64::from(n) * 0.02;
-            // Another lateness each time, from 0 on.
+            // A varying delay, from 0.
             let late_s = wire_s * (f64::from(n) * 0.618_033_988_75).fract();
-            let told = start + seconds(sent_s * (1.0 + drift));
+            let stamp = start + seconds(sent_s * (1.0 + drift));
             let own = start + seconds(sent_s + late_s + offset_s);
-            match discipline.observe(told, own) {
+            match discipline.observe(stamp, own) {
                 Correction::Slew(by_s) => offset_s += by_s,
                 other => panic!("{other:?}"),
             }
@@ -102,20 +102,20 @@ mod tests {
     }
 
     #[test]
-    fn a_clock_that_runs_fast_or_slow_is_followed_through_the_jitter_of_the_wire() {
+    fn rate_error_is_tracked_under_jitter() {
         for drift in [0.0, 1e-3, -1e-3, 5e-5] {
-            let (offset_s, off_s) = followed(drift, 0.005);
-            // X-Val: the window is 0.32 s long, in which a clock 1e-3 slow loses 0.32 ms; the least
-            // late of 16 is late by 5 ms / 16 or so.
+            let (offset_s, off_s) = track(drift, 0.005);
+            // X-Val: the window is 0.32 s long, in which a clock 1e-3 slow loses 0.32 ms; the
+            // shortest of 16 delays is some 5 ms / 16.
             assert!(off_s.abs() < 1e-3, "{drift}: {off_s}");
             assert!((offset_s - 10.0 * drift).abs() < 1e-3);
         }
-        let (_, off_s) = followed(0.0, 0.0);
+        let (_, off_s) = track(0.0, 0.0);
         assert!(off_s.abs() < 1e-9);
     }
 
     #[test]
-    fn a_clock_that_was_set_is_followed_once_it_is_sure() {
+    fn clock_step_is_accepted_after_it_has_lasted() {
         let own = Epoch::from_gregorian_utc_hms(2026, 6, 1, 0, 0, 0);
         let mut discipline = Discipline::default();
         for hours in [1.0, -1.0] {
@@ -123,9 +123,9 @@ mod tests {
             for n in 0..4 {
                 let now = own + seconds(0.08 * f64::from(n));
                 // X-Val: 0, 80, 160 and 240 ms: not sure yet.
-                let told = discipline.observe(now + seconds(by_s), now);
+                let found = discipline.observe(now + seconds(by_s), now);
                 assert!(
-                    matches!(told, Correction::Doubt(ahead_s) if (ahead_s - by_s).abs() < 1e-6)
+                    matches!(found, Correction::Doubt(ahead_s) if (ahead_s - by_s).abs() < 1e-6)
                 );
             }
             let now = own + seconds(0.26);
@@ -138,10 +138,10 @@ mod tests {
     }
 
     #[test]
-    fn what_comes_late_or_is_wrong_is_no_jump() {
+    fn late_and_wrong_stamps_are_no_clock_step() {
         let start = Epoch::from_gregorian_utc_hms(2026, 6, 1, 0, 0, 0);
-        let receive = |discipline: &mut Discipline, told_s: f64, own_s: f64| {
-            discipline.observe(start + seconds(told_s), start + seconds(own_s))
+        let receive = |discipline: &mut Discipline, stamp_s: f64, own_s: f64| {
+            discipline.observe(start + seconds(stamp_s), start + seconds(own_s))
         };
         // Every second stamp 0.3 s late; a burst of half a second; wrong stamps, all different.
         let mut discipline = Discipline::default();

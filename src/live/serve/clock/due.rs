@@ -1,4 +1,4 @@
-//! What a clock is given and what it returns.
+//! Inputs and results of a clock.
 
 use crate::serve::history::Latched;
 use crate::serve::refusal::Refusal;
@@ -70,14 +70,14 @@ pub enum TimeCheck {
     Jumped,
 }
 
-pub(super) fn full(what: &str) -> Refusal {
+pub(super) fn full(requests: &str) -> Refusal {
     Refusal::busy(format!(
-        "{MAX_WAITING} {what} already wait for their frames; wait for a frame"
+        "{MAX_WAITING} {requests} already wait for their frames; wait for a frame"
     ))
 }
 
 pub(super) fn no_triggers() -> Refusal {
     Refusal::not_supported(
-        "Trigger: frames come of themselves here; set run.trigger = \"packet\", with run.clock \"stepped\" or \"external\"",
+        "Trigger: frames need no Trigger here; set run.trigger = \"packet\", with run.clock \"stepped\" or \"external\"",
     )
 }

@@ -8,7 +8,7 @@ mod paced;
 mod stepped;
 
 use cadence::Cadence;
-pub(super) use discipline::SURE_S;
+pub(super) use discipline::CONFIRM_S;
 use exposure_clock::ExposureClock;
 use paced::Paced;
 use skyloop_config::{Clock as Kind, Run, Trigger};

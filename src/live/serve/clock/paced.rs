@@ -13,15 +13,14 @@ use skyloop_render::camera::Camera;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// How far ahead of the client's time a Trigger may start, s. One further ahead would block the
-/// queue.
+/// Maximum lead of a Trigger before the client's time, s. A later one would block the queue.
 const MAX_AHEAD_S: f64 = 86_400.0;
 
 /// Exposures at a cadence or at triggers.
 pub(super) struct Paced {
     cadence: Cadence,
-    /// How the client's time is followed; none: this machine's clock, from the first attitude on.
-    follows: Option<Follows>,
+    /// The client's clock; none: this machine's clock, from the first attitude on.
+    client: Option<ClientClock>,
     /// Triggers that wait for the end of their exposures, sorted by it; none: frames follow the
     /// cadence.
     triggers: Option<Vec<TriggerRequest>>,
@@ -30,10 +29,10 @@ pub(super) struct Paced {
 }
 
 /// The client's clock.
-struct Follows {
+struct ClientClock {
     discipline: Discipline,
     /// Arrival of its last consistent time stamp.
-    heard: Option<Instant>,
+    last_stamp: Option<Instant>,
     /// Silence after which the state is holdover.
     holdover: Duration,
 }
@@ -43,7 +42,7 @@ impl Paced {
     pub fn wall(cadence: Cadence) -> Paced {
         Paced {
             cadence,
-            follows: None,
+            client: None,
             triggers: None,
             paused_at: None,
         }
@@ -52,9 +51,9 @@ impl Paced {
     /// By the client's clock; `by_trigger`: triggers request frames.
     pub fn external(cadence: Cadence, by_trigger: bool, holdover: Duration) -> Paced {
         Paced {
-            follows: Some(Follows {
+            client: Some(ClientClock {
                 discipline: Discipline::default(),
-                heard: None,
+                last_stamp: None,
                 holdover,
             }),
             triggers: by_trigger.then(Vec::new),
@@ -62,8 +61,8 @@ impl Paced {
         }
     }
 
-    /// After a pause any time is accepted. If it is before the paused time, waiting triggers would
-    /// wait until that time comes again.
+    /// After a pause any time is accepted. Before the paused time, waiting triggers would wait
+    /// until that time comes again.
     fn first_after_pause(&mut self, time: Epoch) -> TimeCheck {
         let before = self.paused_at.filter(|paused| time < *paused);
         let is_set_back = before.is_some_and(|paused| is_set(time, paused));
@@ -85,7 +84,7 @@ impl Paced {
 
 impl ExposureClock for Paced {
     fn mode(&self) -> Mode {
-        if self.follows.is_some() {
+        if self.client.is_some() {
             Mode::External
         } else {
             Mode::Wall
@@ -97,31 +96,31 @@ impl ExposureClock for Paced {
     }
 
     fn latched(&mut self, latched: &Latched, _: &Arc<Camera>) {
-        if self.follows.is_none() {
+        if self.client.is_none() {
             self.cadence.set(latched.vehicle.epoch, latched.arrived);
         }
     }
 
     fn observe_time(&mut self, time: Epoch, arrived: Instant) -> TimeCheck {
-        let Some(follows) = &mut self.follows else {
+        let Some(client) = &mut self.client else {
             return TimeCheck::Consistent;
         };
         let own = self.cadence.scene_at(arrived);
         let Some(own) = own.filter(|_| !self.cadence.awaits_time()) else {
-            follows.discipline = Discipline::default();
-            follows.heard = Some(arrived);
+            client.discipline = Discipline::default();
+            client.last_stamp = Some(arrived);
             self.cadence.start(time, arrived);
             return self.first_after_pause(time);
         };
-        match follows.discipline.observe(time, own) {
+        match client.discipline.observe(time, own) {
             Correction::Slew(ahead_s) => {
-                follows.heard = Some(arrived);
+                client.last_stamp = Some(arrived);
                 self.cadence.set_ahead(ahead_s);
                 TimeCheck::Consistent
             }
             Correction::Doubt(ahead_s) => TimeCheck::Doubtful(ahead_s),
             Correction::Jump => {
-                follows.heard = Some(arrived);
+                client.last_stamp = Some(arrived);
                 self.cadence.start(time, arrived);
                 TimeCheck::Jumped
             }
@@ -192,7 +191,7 @@ impl ExposureClock for Paced {
     }
 
     fn missed(&self) -> u32 {
-        // With triggers the cadence only keeps the time.
+        // With triggers, the cadence only provides the time.
         if self.triggers.is_some() {
             0
         } else {
@@ -225,24 +224,24 @@ impl ExposureClock for Paced {
         let waited = self.end(now);
         self.cadence.clear(rate_hz, now);
         self.paused_at = None;
-        if let Some(follows) = &mut self.follows {
-            (follows.discipline, follows.heard) = (Discipline::default(), None);
+        if let Some(client) = &mut self.client {
+            (client.discipline, client.last_stamp) = (Discipline::default(), None);
         }
         waited
     }
 
     fn sync(&self, now: Instant) -> Sync {
-        let Some(follows) = &self.follows else {
+        let Some(client) = &self.client else {
             return Sync::default();
         };
-        let is_fresh = |heard| now.saturating_duration_since(heard) <= follows.holdover;
+        let is_fresh = |stamp| now.saturating_duration_since(stamp) <= client.holdover;
         Sync {
-            state: match follows.heard {
+            state: match client.last_stamp {
                 None => SyncState::Waiting,
-                Some(heard) if is_fresh(heard) => SyncState::Locked,
+                Some(stamp) if is_fresh(stamp) => SyncState::Locked,
                 Some(_) => SyncState::Holdover,
             },
-            offset_s: follows.discipline.offset_s(),
+            offset_s: client.discipline.offset_s(),
         }
     }
 }
@@ -261,14 +260,14 @@ mod tests {
         Epoch::from_gregorian_utc_hms(2026, 6, 1, 0, 0, 0)
     }
 
-    /// The emulator's side of a flight, at computed instants: no test depends on real time.
+    /// The emulator's side of a flight at computed instants, independent of real time.
     struct Flight {
         clock: Paced,
         camera: Camera,
         zero: Instant,
-        /// Since then, s.
+        /// Time since `zero`, s.
         now_s: f64,
-        /// End of each exposure: in the scene's time, s, and when it was due, s.
+        /// End of each exposure in scene time, s, and when it was due, s.
         ends: Vec<(f64, f64)>,
     }
 
@@ -293,13 +292,13 @@ mod tests {
             self.clock.sync(self.now())
         }
 
-        /// For `length_s` the client sends `time_s` of each moment, if there is one.
+        /// For `length_s` the client sends the time stamps `time_s`, if any.
         fn fly(&mut self, length_s: f64, time_s: impl Fn(f64) -> Option<f64>) -> Vec<TimeCheck> {
-            let mut heard = Vec::new();
+            let mut checks = Vec::new();
             for _ in 0..(length_s / TICK_S).round() as u32 {
                 self.now_s += TICK_S;
                 if let Some(time_s) = time_s(self.now_s) {
-                    heard.push(
+                    checks.push(
                         self.clock
                             .observe_time(scene() + seconds(time_s), self.now()),
                     );
@@ -310,12 +309,12 @@ mod tests {
                     self.ends.push(((end - scene()).to_seconds(), since_s));
                 }
             }
-            heard
+            checks
         }
 
-        /// Takes what was exposed. All of it ended a whole number of periods after `zero_s`, none
-        /// twice or left out, and when the client's clock said so (`time_s`) but for `off_s`.
-        fn on_the_grid(&mut self, zero_s: f64, time_s: impl Fn(f64) -> f64, off_s: f64) -> usize {
+        /// Takes the exposures. Checks that each ended a whole number of periods after `zero_s`,
+        /// none twice or missing, at the client's time (`time_s`) within `off_s`.
+        fn check_grid(&mut self, zero_s: f64, time_s: impl Fn(f64) -> f64, off_s: f64) -> usize {
             for (end_s, due_s) in &self.ends {
                 let periods = (end_s - zero_s) * RATE_HZ;
                 assert!((periods - periods.round()).abs() < 1e-5, "{periods}");
@@ -332,7 +331,7 @@ mod tests {
     }
 
     #[test]
-    fn exposures_end_at_the_cadence_of_the_clients_time_and_on_when_it_falls_silent() {
+    fn exposures_follow_the_clients_time_and_continue_in_silence() {
         let mut flight = Flight::begin();
         assert_eq!(flight.sync().state, SyncState::Waiting);
         flight.fly(1.0, |_| None);
@@ -340,28 +339,28 @@ mod tests {
         flight.fly(5.0, |s| Some(s - 1.02));
         assert_eq!(flight.sync().state, SyncState::Locked);
         // X-Val: 4.98 s after the first time stamp, at 20 Hz.
-        assert_eq!(flight.on_the_grid(0.0, |s| s - 1.02, 1e-6), 99);
+        assert_eq!(flight.check_grid(0.0, |s| s - 1.02, 1e-6), 99);
         flight.fly(2.0, |_| None);
         assert_eq!(flight.sync().state, SyncState::Holdover);
-        assert_eq!(flight.on_the_grid(0.0, |s| s - 1.02, 1e-6), 40);
+        assert_eq!(flight.check_grid(0.0, |s| s - 1.02, 1e-6), 40);
         flight.fly(0.1, |s| Some(s - 1.02));
         assert_eq!(flight.sync().state, SyncState::Locked);
-        flight.on_the_grid(0.0, |s| s - 1.02, 1e-6);
+        flight.check_grid(0.0, |s| s - 1.02, 1e-6);
     }
 
     #[test]
-    fn a_clock_that_runs_fast_or_slow_is_followed_to_the_jitter_of_its_wire() {
+    fn rate_error_of_the_client_is_followed_within_the_jitter() {
         for pace in [1.05, 1.001, 0.999] {
             let mut flight = Flight::begin();
             let time_s = |s: f64| (s - TICK_S) * pace;
-            // Late by up to 4 ms, another time each.
+            // A varying delay of up to 4 ms.
             let late_s = |s: f64| 0.004 * (s / TICK_S * 0.618_033_988_75).fract();
             flight.fly(TICK_S, |_| Some(0.0));
             flight.fly(10.0, |s| Some(time_s(s - late_s(s))));
             // X-Val: the window is 0.32 s long, in which a clock 5 % slow loses 16 ms, and each
             // time stamp corrects a quarter of what is left (3 ticks' drift).
             let off_s = 0.005 + 0.4 * (pace - 1.0_f64).abs();
-            let count = flight.on_the_grid(0.0, time_s, off_s);
+            let count = flight.check_grid(0.0, time_s, off_s);
             let due = (10.0 * pace * RATE_HZ).floor() as usize;
             assert!((due - 1..=due).contains(&count), "{count} of {due}");
             let gained_s = flight.sync().offset_s;
@@ -370,50 +369,49 @@ mod tests {
     }
 
     #[test]
-    fn a_clock_that_is_set_by_an_hour_is_followed_and_nothing_is_missed_for_it() {
+    fn clock_step_of_an_hour_is_followed_without_missed_exposures() {
         let mut flight = Flight::begin();
         flight.fly(2.0, |s| Some(s - TICK_S));
-        flight.on_the_grid(0.0, |s| s - TICK_S, 1e-6);
+        flight.check_grid(0.0, |s| s - TICK_S, 1e-6);
         for (hours, before_s) in [(1.0, 0.0), (-1.0, 3600.0)] {
             let time_s = |s: f64| s - TICK_S + before_s + hours * 3600.0;
-            let heard = flight.fly(0.4, |s| Some(time_s(s)));
-            let jump = heard
+            let checks = flight.fly(0.4, |s| Some(time_s(s)));
+            let jump = checks
                 .iter()
                 .position(|one| *one == TimeCheck::Jumped)
                 .unwrap();
-            // X-Val: protocols/docs/icd.md, section 5.5: it has gone on so for 0.25 s: at the 14th
-            // tick of 20 ms, which is the first after 0.26 s.
+            // X-Val: protocols/docs/icd.md, section 5.5: after 0.25 s, so at the 14th tick of 20
+            // ms, the first after 0.26 s.
             assert_eq!(jump, 13);
-            let mut before = heard[..jump].iter();
+            let mut before = checks[..jump].iter();
             assert!(before.all(|one| matches!(one, TimeCheck::Doubtful(_))));
             assert!(
-                heard[jump + 1..]
+                checks[jump + 1..]
                     .iter()
                     .all(|one| *one == TimeCheck::Consistent)
             );
             let zero_s = time_s(flight.now_s - 0.4 + 14.0 * TICK_S);
-            // Those before it are of the other time, but for one on the seam.
+            // Earlier exposures have the other time, except one at the transition.
             let is_after = |end_s: f64| (1e-3..1000.0).contains(&(end_s - zero_s));
             flight.ends.retain(|(end_s, _)| is_after(*end_s));
             flight.fly(2.0, |s| Some(time_s(s)));
-            // X-Val: 0.12 s and 2 s after it was sure, at 20 Hz.
-            assert_eq!(flight.on_the_grid(zero_s, time_s, 1e-6), 42);
+            // X-Val: 0.12 s and 2 s after the confirmation, at 20 Hz.
+            assert_eq!(flight.check_grid(zero_s, time_s, 1e-6), 42);
             let offset_s = flight.sync().offset_s;
             let off_s = offset_s - before_s - hours * 3600.0;
             assert!(off_s.abs() < 1e-3, "{offset_s}");
         }
     }
 
-    /// Inconsistent time stamps lead to holdover.
     #[test]
-    fn times_that_are_all_doubted_lead_to_holdover() {
+    fn inconsistent_time_stamps_lead_to_holdover() {
         let mut flight = Flight::begin();
         flight.fly(0.5, Some);
         assert_eq!(flight.sync().state, SyncState::Locked);
-        // Each is off by another hour.
-        let heard = flight.fly(2.0, |s| Some(s + 3600.0 * (s / TICK_S).round()));
+        // Each differs by another hour.
+        let checks = flight.fly(2.0, |s| Some(s + 3600.0 * (s / TICK_S).round()));
         assert!(
-            heard
+            checks
                 .iter()
                 .all(|one| matches!(one, TimeCheck::Doubtful(_)))
         );
@@ -423,13 +421,13 @@ mod tests {
     }
 
     #[test]
-    fn what_comes_late_or_is_wrong_moves_no_exposure() {
+    fn late_and_wrong_stamps_do_not_move_exposures() {
         let mut flight = Flight::begin();
         // One in four is right; the others are 0.3 s late, a year ahead, two seconds late.
         let off_s = |s: f64| [0.0, -0.3, 3e7, -2.0][(s / TICK_S).round() as usize % 4];
         flight.fly(0.08, Some);
         flight.fly(4.0, |s| Some(s + off_s(s)));
-        assert_eq!(flight.on_the_grid(TICK_S, |s| s, 1e-6), 81);
+        assert_eq!(flight.check_grid(TICK_S, |s| s, 1e-6), 81);
         assert_eq!(flight.sync().offset_s, 0.0);
     }
 }
