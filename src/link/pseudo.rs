@@ -23,7 +23,6 @@ use std::time::Duration;
 /// Pause before the next check for a client or for room.
 const SOON: Duration = Duration::from_millis(10);
 
-/// One pseudo-terminal.
 pub(super) struct Pseudo {
     /// The name that clients open, if not the system's name.
     name: Option<Name>,
@@ -53,7 +52,6 @@ pub(super) enum MasterRead {
     NoReader,
 }
 
-/// Result of a write.
 #[derive(Debug, PartialEq)]
 pub(super) enum Written {
     /// Number of written bytes; there is no room for the others.
@@ -82,7 +80,6 @@ impl Pseudo {
         })
     }
 
-    /// The name that clients open.
     pub fn name(&self) -> String {
         match &self.name {
             Some(name) => name.path.display().to_string(),

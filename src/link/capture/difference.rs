@@ -179,7 +179,6 @@ fn text(was: &[u8], is: &[u8]) -> Option<String> {
     ))
 }
 
-/// The first different field of two messages.
 fn line(was: &impl Debug, is: &impl Debug) -> Option<String> {
     let (was, is) = (format!("{was:#?}"), format!("{is:#?}"));
     let (was, is) = was.lines().zip(is.lines()).find(|(a, b)| a != b)?;

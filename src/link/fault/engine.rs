@@ -139,7 +139,6 @@ impl<T: Damageable> Faults<T> {
         Pushed::Taken
     }
 
-    /// The next item that leaves at `now`.
     pub fn pop_due(&mut self, now: Duration) -> Option<T> {
         self.turn(now);
         self.line.pop_due(now)
@@ -156,7 +155,6 @@ impl<T: Damageable> Faults<T> {
         self.line.room() >= 2
     }
 
-    /// The delay line of items that have not left.
     pub fn line(&self) -> &Line<T> {
         &self.line
     }

@@ -80,13 +80,11 @@ impl ItemState {
     }
 }
 
-/// Whether a fault of this kind loses the item.
 pub(super) fn is_loss(kind: FaultKind) -> bool {
     use FaultKind::{BusOff, Down, Drop, Overrun, Stuck};
     matches!(kind, BusOff | Down | Stuck | Drop | Overrun)
 }
 
-/// Whether a fault of this kind damages the item.
 pub(super) fn is_damage(kind: FaultKind) -> bool {
     matches!(kind, FaultKind::Truncate | FaultKind::BitFlips)
 }

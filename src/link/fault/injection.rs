@@ -18,7 +18,6 @@ pub(super) struct Injection {
 pub(super) enum Event {
     /// The rule begins, with this value.
     Begins(f64),
-    /// The rule ends.
     Ends,
     /// An item was affected.
     Item {

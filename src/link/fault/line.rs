@@ -37,7 +37,6 @@ impl<T> Line<T> {
         }
     }
 
-    /// Number of free positions.
     pub fn room(&self) -> usize {
         CAPACITY - self.len()
     }
@@ -46,7 +45,6 @@ impl<T> Line<T> {
         self.ring.len() + usize::from(self.held.is_some())
     }
 
-    /// Adds an item with its due time.
     pub fn put(&mut self, item: T, due: Duration, order: Order) {
         match order {
             Order::Swapped if self.held.is_none() => {
@@ -84,7 +82,6 @@ impl<T> Line<T> {
         None
     }
 
-    /// The next due time.
     pub fn next_due(&self) -> Option<Duration> {
         let front = self.ring.front().map(|(due, _)| *due);
         let held = self.held.as_ref().map(|(until, _)| *until);

@@ -52,7 +52,6 @@ impl Rule {
         Rule::new(fault, SEED, LIVE + count, now, until)
     }
 
-    /// Whether it is active.
     pub(super) fn is_on(&self, now: Duration) -> bool {
         self.from <= now && self.until.is_none_or(|until| now < until)
     }

@@ -168,7 +168,6 @@ impl Exchange {
         client.map(|client| client.address)
     }
 
-    /// The client's address.
     pub fn address(&self) -> Option<SocketAddr> {
         self.client.as_ref().map(|client| client.address)
     }

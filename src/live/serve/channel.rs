@@ -246,7 +246,6 @@ impl Channel {
         self.wire.packet_airtime().saturating_mul(packets)
     }
 
-    /// Counts the waiting answers as lost.
     pub fn lose_answers(&mut self) {
         let waiting = std::mem::take(&mut self.exchange.answers);
         add(&mut self.lost, waiting.len() as u32);

@@ -36,7 +36,6 @@ pub(super) struct FramePackets {
     encoded: u32,
 }
 
-/// The next packet.
 pub(super) enum Next<T> {
     /// Result of the encoder.
     Packet(Result<T, EncodeError>),
@@ -105,12 +104,10 @@ impl FramePackets {
         }))
     }
 
-    /// Number of packets of the frame.
     pub fn count(&self) -> u32 {
         self.header.blocks + u32::from(self.header.label_parts) + 2
     }
 
-    /// Number and length of its packets.
     pub fn sizes(&self) -> Vec<Packets> {
         let header = &self.header;
         let mut sizes = HEADER_AND_END.to_vec();

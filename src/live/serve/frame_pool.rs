@@ -12,7 +12,6 @@ impl<T> FramePool<T> {
         Self(VecDeque::new())
     }
 
-    /// Adds a frame that was sent.
     pub fn put(&mut self, frame: T) {
         self.0.push_back(frame);
     }

@@ -72,17 +72,14 @@ impl FrameQueue {
         }
     }
 
-    /// Whether a frame is being rendered.
     pub fn is_rendering(&self) -> bool {
         self.rendering.is_some()
     }
 
-    /// Whether the present rendering is cancelled.
     pub fn is_cancelled(&self) -> bool {
         self.abort.is_set()
     }
 
-    /// Cancels the present rendering.
     pub fn cancel(&self) {
         self.abort.set();
     }
@@ -96,7 +93,6 @@ impl FrameQueue {
         self.abort = abort;
     }
 
-    /// Index of the job that is being rendered.
     pub fn rendering_job(&self) -> Option<usize> {
         let number = self.rendering?;
         self.jobs.iter().position(|job| job.number == number)

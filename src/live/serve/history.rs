@@ -87,18 +87,15 @@ impl History {
         }
     }
 
-    /// Removes the messages with a later time.
     pub fn drop_after(&mut self, epoch: Epoch) {
         let at = self.after(epoch);
         self.messages.truncate(at);
     }
 
-    /// Removes all messages.
     pub fn clear(&mut self) {
         self.messages.clear();
     }
 
-    /// The newest message.
     pub fn latest(&self) -> Option<&Latched> {
         self.messages.back()
     }

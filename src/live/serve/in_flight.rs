@@ -93,7 +93,6 @@ impl InFlight {
         Some((self.0.remove(at), exit))
     }
 
-    /// Takes the oldest frame.
     pub fn take_oldest(&mut self) -> Option<InFlightFrame> {
         (!self.0.is_empty()).then(|| self.0.remove(0))
     }

@@ -202,28 +202,23 @@ impl LatePolicy {
         }
     }
 
-    /// Whether late frames are dropped.
     pub fn drops(&self) -> bool {
         self.policy == OnOverrun::Drop
     }
 
-    /// The tolerances of a level.
     pub fn fidelity(&self, level: usize) -> Option<Fidelity> {
         self.levels.get(level).map(|level| level.fidelity)
     }
 
-    /// The tolerances of all coarser levels.
     pub fn coarser_than(&self, level: usize) -> Vec<Fidelity> {
         let coarser = self.levels.iter().skip(level + 1);
         coarser.map(|level| level.fidelity).collect()
     }
 
-    /// Measures the transmission of a frame.
     pub fn learn_transmission(&mut self, took: Duration) {
         self.transmission.learn(took);
     }
 
-    /// Measures the rendering of a frame.
     pub fn learn(&mut self, level: usize, took: Duration) {
         if let Some(level) = self.levels.get_mut(level) {
             level.render.learn(took);

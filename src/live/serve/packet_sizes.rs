@@ -34,7 +34,6 @@ const fn one(fields: usize) -> Packets {
 /// The content of a packet, which is divided into items.
 #[derive(Clone, Copy)]
 pub(super) enum Content {
-    /// Pixels.
     Pixels(Packing),
     /// Windows of this size.
     Windows(Packing, u8),

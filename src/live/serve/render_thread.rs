@@ -12,15 +12,12 @@ use std::sync::{Arc, Mutex};
 use std::thread::Thread;
 use std::time::{Duration, Instant};
 
-/// A task of the thread.
 pub(super) enum Task {
-    /// Render a frame.
     Render(Box<RenderOrder>),
     /// Reuse the memory of a frame.
     Recycle(Box<ExposedFrame>),
 }
 
-/// A frame to render.
 pub(super) struct RenderOrder {
     pub number: u32,
     pub camera: Arc<Camera>,
@@ -50,9 +47,7 @@ pub(super) enum RenderEvent {
     Complete(Box<ExposedFrame>, Instant, Duration),
     /// The frame exceeds the work limit: the next coarser tolerances are used.
     Coarsened,
-    /// The frame was cancelled.
     Abandoned,
-    /// The frame cannot be rendered.
     Failed(String),
 }
 
@@ -69,7 +64,6 @@ pub(super) struct Renderer {
 pub(super) struct RowBuffers(Arc<Mutex<Vec<Vec<u16>>>>);
 
 impl RowBuffers {
-    /// Maximum number of buffers.
     const MAX: usize = 64;
 
     fn take(&self) -> Vec<u16> {
@@ -134,7 +128,6 @@ impl Renderer {
         self.tasks.send(task).is_ok()
     }
 
-    /// The buffers of rows.
     pub fn buffers(&self) -> &RowBuffers {
         &self.buffers
     }

@@ -41,7 +41,6 @@ impl Session {
         }
     }
 
-    /// The links that carry frames.
     pub fn outgoing(&self) -> impl Iterator<Item = &Channel> {
         let channels = self.channels.iter();
         channels.filter(|channel| channel.roles.bring_frames())
@@ -60,7 +59,6 @@ impl Session {
         })
     }
 
-    /// Whether a client waits for a frame.
     pub fn awaits(&self, frame: u32) -> bool {
         self.channels.iter().any(|channel| channel.awaits(frame))
     }
@@ -162,7 +160,6 @@ impl Session {
         }
     }
 
-    /// Counts several requests without frames.
     pub fn fail_all(&mut self, count: u32, cause: &'static str) {
         (0..count).for_each(|_| self.fail(Request::default(), cause));
     }

@@ -23,10 +23,8 @@ pub trait ExposureClock: Send {
         "Trigger"
     }
 
-    /// An attitude was accepted.
     fn latched(&mut self, latched: &Latched, camera: &Arc<Camera>);
 
-    /// A Trigger came.
     fn triggered(&mut self, _: TriggerRequest) -> Result<(), Refusal> {
         Err(no_triggers())
     }
@@ -69,10 +67,8 @@ pub trait ExposureClock: Send {
     /// Stops the scene time. Only exposures that have ended are still due.
     fn pause(&mut self, now: Instant);
 
-    /// Whether it is paused.
     fn is_paused(&self) -> bool;
 
-    /// Continues after a pause.
     fn resume(&mut self, now: Instant);
 
     /// Restarts after a Reset or for another client, not paused. Returns the number of waiting

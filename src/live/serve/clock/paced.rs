@@ -38,7 +38,6 @@ struct ClientClock {
 }
 
 impl Paced {
-    /// By this machine's clock.
     pub fn wall(cadence: Cadence) -> Paced {
         Paced {
             cadence,
