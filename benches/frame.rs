@@ -25,7 +25,7 @@ fn against_rand_distr() -> Row {
             let shot = Poisson::new(f64::from(*mean)).map_or(0.0, |it| it.sample(&mut random));
             let read = Normal::new(0.0, f64::from(READ_E));
             let read = read.map_or(0.0, |it| it.sample(&mut random));
-            *dn = CONVERTER.digit((shot + read) as f32);
+            *dn = CONVERTER.dn((shot + read) as f32);
         }
     })
 }

@@ -1,4 +1,4 @@
-//! Where the light of a point source falls: its share on each pixel of the detector.
+//! Footprints: the share of a point source's light on each pixel of the detector.
 
 mod drawn;
 mod streak;
@@ -25,12 +25,12 @@ pub struct Footprint {
     pub wings: Wings,
 }
 
-/// How far light is drawn around the places of a track, at most, and what lies further out.
+/// Drawing radius around the samples of a track, and the light further out.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Wings {
-    /// Half the side of the square, px.
+    /// Half the side of the drawn square, px.
     pub drawn_px: f64,
-    /// The share of all light that is spread evenly over it (1).
+    /// The share of light from outside the square, distributed evenly over it (1).
     pub undrawn: f64,
 }
 
@@ -44,19 +44,17 @@ impl Wings {
     }
 }
 
-/// Light that is ignored, e-: its shares are near the subnormal numbers of single precision, which
-/// are slow.
+/// Light that is ignored, e-: its shares are close to subnormal numbers, which are slow.
 const MIN_E: f64 = 1e-20;
 
-/// ns of a pixel of a footprint: its two terms of signal-to-noise ratios, its part in bounds,
-/// memory that is new.
+/// Time of a pixel of a footprint, ns: two terms of signal-to-noise ratios, bounds, new memory.
 pub const PIXEL_NS: f64 = 9.0;
-/// The same of large footprints, which caches do not hold, and drawn.
+/// The same for large footprints outside the caches, with drawing.
 pub const HELD_NS: f64 = 10.0;
-/// ns of a point of a streak of a Gaussian.
+/// Time of a sample of a Gaussian streak, ns.
 pub const DOT_NS: f64 = 25.0;
-/// ns of each pixel around it.
-pub const LAID_NS: f64 = 0.3;
+/// Time of each pixel around it, ns.
+pub const DOT_PIXEL_NS: f64 = 0.3;
 
 /// The spans of rows `reached` from one column up to another on a detector of that `width`, and
 /// their number of pixels.
@@ -164,7 +162,7 @@ impl Footprint {
             });
             let rest = weight * undrawn;
             let whole = drawn.square == [columns.clone(), rows.clone()];
-            // The light of a core narrower than pixels has a centre of its own.
+            // A core narrower than a pixel has its own centre.
             let centre = if rest > 0.0 && whole && psf.core_px() > 0.4 {
                 drawn.rest_around(*at, rest, &stamp.light)
             } else {
@@ -199,7 +197,7 @@ impl Footprint {
         }
     }
 
-    /// The footprint of a source that lights the whole detector, from the share of each pixel, row
+    /// The footprint of a source that covers the whole detector, from the share of each pixel, row
     /// by row.
     pub fn whole(width: usize, shares: Vec<f32>) -> Footprint {
         let spans = (0..shares.len() / width.max(1)).map(|row| Span {
@@ -269,7 +267,7 @@ impl Footprint {
         shares.for_each(|share| *share = (by * f64::from(*share)) as f32);
     }
 
-    /// How many evaluations of a point's light on a pixel it took.
+    /// Number of evaluations of a point's light on a pixel.
     pub fn evaluated(&self) -> u64 {
         self.evaluated
     }
@@ -297,7 +295,7 @@ impl Footprint {
         let first = (self.first_row + spans.start).saturating_sub(rows.start);
         let spans = &self.spans[spans];
         if !spans.is_empty() && electrons.abs() >= MIN_E {
-            // What is added nowhere is 0 times that.
+            // Finite, because the kernel multiplies it by 0 too.
             let electrons = (electrons as f32).min(f32::MAX);
             kernels::add_light(level, electrons, spans, &self.shares, first, width, pixels);
         }
@@ -383,7 +381,7 @@ mod tests {
     }
 
     #[test]
-    fn light_and_centre_are_kept_by_still_and_smeared_sources() {
+    fn footprints_conserve_light_and_centroid() {
         let camera = Camera::load("fai-nir", &Folder::current()).unwrap();
         for fidelity in [Fidelity::REALTIME, Fidelity::REFERENCE] {
             for (from, to) in [
@@ -403,7 +401,7 @@ mod tests {
     }
 
     #[test]
-    fn the_realtime_profile_of_a_streak_stays_within_its_stated_bound_of_the_reference() {
+    fn realtime_streaks_agree_with_the_reference() {
         let camera = Camera::load("fai-nir", &Folder::current()).unwrap();
         let image = |fidelity: &Fidelity| {
             let footprint = spread(
@@ -430,7 +428,7 @@ mod tests {
     }
 
     #[test]
-    fn what_lies_outside_the_detector_leaves_no_trace() {
+    fn light_outside_the_detector_is_clipped() {
         let camera = Camera::load("fai-nir", &Folder::current()).unwrap();
         let fidelity = Fidelity::REALTIME;
         for at in [[-50.0, 10.0], [10.0, 1e9], [1e300, 1e300], [300.0, 300.0]] {

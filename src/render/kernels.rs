@@ -1,11 +1,9 @@
-//! The loops that a frame's time goes into, each compiled once more for the vector instructions
-//! that a processor may have.
+//! The pixel loops, each compiled for several levels of vector instructions.
 //!
-//! The bodies are plain Rust over blocks of pixels that a compiler turns into vectors. Products
-//! that are added are fused where the code says so, on every processor (in a function call where it
-//! cannot), and no other function of the platform is called: all levels give the same bits. Each
-//! body's twin is the same work pixel by pixel (`rng::word`, `rng::normal`, `rng::poisson`,
-//! [`Converter::digit`]); tests compare them.
+//! The bodies are plain Rust over blocks of pixels, which the compiler vectorizes. All levels give
+//! the same bits: fused multiply-adds are explicit (a function call on processors without them),
+//! and no other function of the platform is called. Each body has a twin that works pixel by pixel
+//! (`rng::word`, `rng::normal`, `rng::poisson`, [`Converter::dn`]); tests compare both.
 
 #![allow(unsafe_code)]
 
@@ -21,7 +19,7 @@ mod search;
 
 pub use bloom::Bloom;
 pub use corners::{Nodes, Place};
-pub use dots::{BESIDE, Circle, Dot, Sheet};
+pub use dots::{Circle, Dot, MAX_TILE_OFFSET, Sheet};
 pub use ends::{Ends, ROWS};
 pub use light::{Reading, Span};
 pub use lines::Lines;
@@ -38,8 +36,8 @@ use skyloop_base::rng::poisson::{self, SEARCHED, Switch};
 use skyloop_base::rng::{self, NoiseKey};
 use skyloop_orbit::sgp4_batch::Level;
 
-/// Makes a function of `level` out of a body: the body compiled with that level's instructions, or
-/// with those that every processor has; without a level, of the twin that goes pixel by pixel.
+/// Defines a function of `level`: the body compiled with that level's instructions, or with the
+/// baseline instructions; without a level, the twin.
 macro_rules! kernel {
     ($(#[$doc:meta])* $name:ident = $body:ident, $twin:ident ($($arg:ident: $type:ty),*)) => {
         $(#[$doc])*
@@ -54,7 +52,7 @@ macro_rules! kernel {
                 fn avx2($($arg: $type),*) {
                     $body($($arg),*);
                 }
-                // As fair a twin as the processor has: with fused products, without vectors.
+                // A fair comparison: fused multiply-adds, no explicit vectors.
                 #[target_feature(enable = "fma")]
                 fn fused($($arg: $type),*) {
                     $twin($($arg),*);
@@ -68,7 +66,7 @@ macro_rules! kernel {
                     return unsafe { avx2($($arg),*) };
                 }
                 if level.is_none() && Level::Avx2.is_available() {
-                    // SAFETY: what has AVX2 by that level has fused products.
+                    // SAFETY: the AVX2 level includes FMA.
                     return unsafe { fused($($arg),*) };
                 }
             }
@@ -81,66 +79,69 @@ macro_rules! kernel {
 }
 
 kernel! {
-    /// Draws pixels' electrons from their means: those from pixel `first` on, each with the word
-    /// that is its own (`rng::word`).
+    /// Draws pixels' electrons from their means, from pixel `first` on, each with the random word
+    /// of its pixel (`rng::word`).
     shot_noise = shot_body, shot_twin (key: NoiseKey, effect: u8, first: usize, switch: Switch, electrons: &mut [f32])
 }
 
 kernel! {
-    /// Adds normal noise of `sigma` (e-) to pixels, likewise.
+    /// Adds normal noise of `sigma` (e-) to pixels from `first` on, each with the random word of
+    /// its pixel.
     read_noise = read_body, read_twin (key: NoiseKey, effect: u8, first: usize, sigma: f32, electrons: &mut [f32])
 }
 
 kernel! {
-    /// Turns pixels' electrons into digits.
-    digitise = digits_body, digits_twin (converter: &Converter, electrons: &[f32], dn: &mut [u16])
+    /// Converts pixels' electrons to digital numbers.
+    digitise = convert_body, convert_twin (converter: &Converter, electrons: &[f32], dn: &mut [u16])
 }
 
 kernel! {
-    /// Packs pixels of 12 bits each for the wire, first bit first, an odd last one into two octets.
+    /// Packs pixels of 12 bits for the wire, most significant bit first; an odd last pixel fills
+    /// two bytes.
     pack_12 = pack_body, pack_twin (pixels: &[u16], bytes: &mut [u8])
 }
 
 kernel! {
-    /// Adds light that runs in a straight line to pixels, `from + rise i` to that which is the
-    /// i-th; the first at hand is that of `first`.
+    /// Adds linear light to pixels: `from + rise i` to the i-th. `first` is the index of the first
+    /// pixel of the slice.
     ramp = ramp_body, ramp_twin (from: f32, rise: f32, first: u32, electrons: &mut [f32])
 }
 
 kernel! {
-    /// Adds the light of as many pixels.
+    /// Adds light pixel by pixel.
     add = add_body, add_twin (light: &[f32], electrons: &mut [f32])
 }
 
 kernel! {
-    /// Widens rows from end to end of what the circles of dots touch.
+    /// Widens the columns of rows to those that the circles of dots touch.
     reach_dots = ends_body, ends_twin (circle: &Circle, dots: &[Dot], ends: &mut Ends<'_>)
 }
 
 kernel! {
-    /// Adds the light of dots to pixels, which have room for each.
-    lay_dots = dots_body, dots_twin (lines: &Lines<f32>, circle: &Circle, dots: &[Dot], sheet: &mut Sheet<'_, f32>)
+    /// Adds the light of dots to pixels; the sheet has room for all tiles.
+    add_dots = dots_body, dots_twin (lines: &Lines<f32>, circle: &Circle, dots: &[Dot], sheet: &mut Sheet<'_, f32>)
 }
 
 kernel! {
     /// The same in double precision.
-    lay_dots_finely = dots_body, dots_twin (lines: &Lines<f64>, circle: &Circle, dots: &[Dot], sheet: &mut Sheet<'_, f64>)
+    add_dots_f64 = dots_body, dots_twin (lines: &Lines<f64>, circle: &Circle, dots: &[Dot], sheet: &mut Sheet<'_, f64>)
 }
 
 kernel! {
-    /// What a table tells at each place of a line.
+    /// Interpolates a table at each position of a line.
     table_line = corners_body, corners_twin (nodes: &Nodes<'_>, across: &[Place], down: &Place, line: &mut [f64])
 }
 
 kernel! {
-    /// Adds light of so many `electrons` (e-) to the pixels of a band of rows, so `wide`: of
-    /// `spans`, row by row from the band's row `first` on, each with its part of the `shares` (1).
+    /// Adds light of `electrons` (e-) to the pixels of a band with rows of `wide` pixels. `spans`
+    /// are in consecutive rows from the band's row `first` on, each with its part of the `shares`
+    /// (1).
     add_light = light_body, light_twin (electrons: f32, spans: &[Span], shares: &[f32], first: usize, wide: usize, pixels: &mut [f32])
 }
 
 kernel! {
-    /// Adds the terms of the square of a signal-to-noise ratio: of pixels that hold their `shares`
-    /// (1) of so many `electrons` (e-) and `background` (e-), as many of one as of the other.
+    /// Adds up the square of a signal-to-noise ratio over pixels with their `shares` (1) of
+    /// `electrons` (e-) and a `background` (e-); both slices have the same length.
     add_signal = signal_body, signal_twin (reading: &Reading, electrons: f64, shares: &[f32], background: &[f32], sum: &mut f64)
 }
 
@@ -154,7 +155,7 @@ fn shot_body(key: NoiseKey, effect: u8, first: usize, switch: Switch, electrons:
         let count = (BLOCK - skip).min(electrons.len() - done);
         let pixels = &mut electrons[done..done + count];
         means[skip..skip + count].copy_from_slice(pixels);
-        // Numbers from 0 on are ordered as their bits are.
+        // The order of non-negative numbers is that of their bits.
         let (mut least, mut most) = (u32::MAX, 0);
         for mean in &mut means {
             *mean = poisson::mean_of(*mean);
@@ -190,7 +191,7 @@ fn shot_body(key: NoiseKey, effect: u8, first: usize, switch: Switch, electrons:
                 };
             }
             pixels.copy_from_slice(&normals[skip..skip + count]);
-            // Where exact draws are asked for.
+            // If exact draws are requested.
             if switch.0 > SEARCHED {
                 for (i, pixel) in (skip..).zip(pixels) {
                     if means[i] >= SEARCHED && means[i] < switch.0 {
@@ -237,9 +238,9 @@ fn fill(key: NoiseKey, effect: u8, base: usize, words: &mut [u32; BLOCK]) {
     }
 }
 
-/// The normal draws of words: all as if they were near the middle, then those that are not, of one
-/// group in 35. Step by step over all of a block: a processor looks too few operations ahead to
-/// work on several pixels whose whole draws stand one after another.
+/// The normal draws of words: first all by the central formula, then the tails, in one group of 35.
+/// Each step runs over the whole block: a processor cannot overlap whole draws of consecutive
+/// pixels.
 #[inline(always)]
 fn normals_of(words: &[u32; BLOCK], normals: &mut [f32; BLOCK]) {
     for i in 0..BLOCK {
@@ -265,13 +266,13 @@ fn normals_of(words: &[u32; BLOCK], normals: &mut [f32; BLOCK]) {
 }
 
 #[inline(always)]
-fn digits_body(converter: &Converter, electrons: &[f32], dn: &mut [u16]) {
+fn convert_body(converter: &Converter, electrons: &[f32], dn: &mut [u16]) {
     for (dn, e) in dn.iter_mut().zip(electrons) {
-        *dn = converter.digit(*e);
+        *dn = converter.dn(*e);
     }
 }
 
-/// Not fused: a line is the same however its sums are rounded, and no processor is slow at it.
+/// Not fused: fast on every processor.
 #[inline(always)]
 fn ramp_body(from: f32, rise: f32, first: u32, electrons: &mut [f32]) {
     for (i, e) in electrons.iter_mut().enumerate() {
@@ -315,27 +316,27 @@ fn read_twin(key: NoiseKey, effect: u8, first: usize, sigma: f32, electrons: &mu
 }
 
 #[inline(always)]
-fn digits_twin(converter: &Converter, electrons: &[f32], dn: &mut [u16]) {
+fn convert_twin(converter: &Converter, electrons: &[f32], dn: &mut [u16]) {
     for (dn, e) in dn.iter_mut().zip(electrons) {
-        *dn = converter.digit(*e);
+        *dn = converter.dn(*e);
     }
 }
 
-/// What turns electrons into digits.
+/// The analogue-to-digital converter.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Converter {
-    /// Digits an electron, DN/e-.
+    /// Inverse gain, DN/e-.
     pub per_electron: f64,
-    /// What it gives for no charge, DN.
+    /// Value without charge, DN.
     pub offset: f64,
-    /// Its largest digit, DN.
+    /// Greatest value, DN.
     pub max: u16,
 }
 
 impl Converter {
-    /// What it gives for `electrons` (e-); 0 for what is no number.
+    /// The value for `electrons` (e-); 0 for NaN.
     #[inline(always)]
-    pub fn digit(&self, electrons: f32) -> u16 {
+    pub fn dn(&self, electrons: f32) -> u16 {
         let dn = f64::from(electrons) * self.per_electron + self.offset + 0.5;
         let (low, high) = (0.0, f64::from(self.max));
         let dn = if dn > low { dn } else { low };

@@ -1,18 +1,17 @@
-//! Greatest values of many pixels, in lanes that a processor works out side by side: the same on
-//! every one.
+//! Maxima over many pixels in vector lanes, with the same result on every processor.
 
 use rayon::prelude::*;
 
 const LANES: usize = 16;
-/// Values that are computed one after the other, whatever threads there are.
-const TOGETHER: usize = 1 << 16;
+/// Values of a chunk: independent of the number of threads.
+const CHUNK: usize = 1 << 16;
 
-/// The greatest; 0 where none is above it.
+/// The greatest value; at least 0.
 pub fn greatest(values: &[f32]) -> f32 {
-    if values.len() <= TOGETHER {
+    if values.len() <= CHUNK {
         return greatest_of(values);
     }
-    let greatest = values.par_chunks(TOGETHER).map(greatest_of);
+    let greatest = values.par_chunks(CHUNK).map(greatest_of);
     greatest.reduce(|| 0.0, f32::max)
 }
 
@@ -23,8 +22,8 @@ fn greatest_of(values: &[f32]) -> f32 {
     lanes.iter().chain(rest).copied().fold(0.0, f32::max)
 }
 
-/// How far values and those at the same place of `others` are apart at most, as many as both have.
-pub fn furthest_apart(values: &[f32], others: &[f32]) -> f32 {
+/// The greatest difference of values at the same index, up to the shorter length.
+pub fn max_difference(values: &[f32], others: &[f32]) -> f32 {
     let both = values.len().min(others.len());
     let (chunks, rest) = values[..both].as_chunks::<LANES>();
     let (other_chunks, other_rest) = others[..both].as_chunks::<LANES>();
@@ -39,7 +38,7 @@ pub fn furthest_apart(values: &[f32], others: &[f32]) -> f32 {
     lanes.into_iter().chain(rest).fold(0.0, f32::max)
 }
 
-/// Not by `f32::max`, whose care for what is not a number keeps lanes from running side by side.
+/// `f32::max` would prevent vectorization by its handling of NaN.
 fn raise(lanes: &mut [f32; LANES], to: &[f32; LANES]) {
     for (lane, to) in lanes.iter_mut().zip(to) {
         *lane = if to > lane { *to } else { *lane };
@@ -51,14 +50,17 @@ mod tests {
     use super::*;
 
     #[test]
-    fn lanes_give_what_single_values_give() {
+    fn lanes_agree_with_single_values() {
         for count in [0, 1, 15, 16, 17, 1000] {
             let values: Vec<f32> = (0..count).map(|i| ((i * 37) % 101) as f32 - 20.0).collect();
             let others: Vec<f32> = values.iter().rev().copied().collect();
-            let most = values.iter().copied().fold(0.0, f32::max);
-            let apart = values.iter().zip(&others).map(|(a, b)| (a - b).abs());
-            assert_eq!(greatest(&values), most);
-            assert_eq!(furthest_apart(&values, &others), apart.fold(0.0, f32::max));
+            let max = values.iter().copied().fold(0.0, f32::max);
+            let differences = values.iter().zip(&others).map(|(a, b)| (a - b).abs());
+            assert_eq!(greatest(&values), max);
+            assert_eq!(
+                max_difference(&values, &others),
+                differences.fold(0.0, f32::max)
+            );
         }
     }
 }

@@ -1,4 +1,4 @@
-//! What the effects of area sources share: their light is rasterized in the scene (`scene::area`),
+//! Shared by the effects of area sources. Their light is rasterized in the scene (`scene::area`)
 //! and added here.
 //!
 //! Clark et al. 2021, Eqs. (3) to (5), the exponent of Eq. (3) corrected to -0.4 m:
@@ -12,27 +12,25 @@
 use super::cause::three_digits;
 use super::{Assessment, ErrorBound, LazyBound, Pass};
 use crate::scene::bounds::{
-    BELOW_NOISE, area_lit_e, is_below_noise, shown_e, transfer_smear_of, with_transfer_smear,
+    BELOW_NOISE, area_lit_e, final_change_e, is_below_noise, transfer_smear_of, with_transfer_smear,
 };
-use crate::scene::{AreaLight, BLURRED_NS, EDGE_NS, EffectId, Requested, SPREAD_NS, Scene};
+use crate::scene::{AreaLight, BLURRED_NS, EDGE_NS, EffectId, RasterWork, SPREAD_NS, Scene};
 
-/// ns of a pixel that is sampled or blurred, added to other areas' light and drawn; and of one that
-/// is interpolated.
+/// Time of a pixel that is sampled or blurred, ns: adding it up and drawing it; and of an
+/// interpolated pixel.
 const PIXEL_NS: f64 = 3.3;
 const EVEN_NS: f64 = 0.7;
 
-fn requested_ns(requested: &Requested, light_ns: f64) -> f64 {
-    requested.lights as f64 * light_ns
-        + requested.edges as f64 * EDGE_NS
-        + requested.spreads as f64 * SPREAD_NS
+fn raster_ns(work: &RasterWork, light_ns: f64) -> f64 {
+    work.lights as f64 * light_ns + work.edges as f64 * EDGE_NS + work.spreads as f64 * SPREAD_NS
 }
 
-/// The assessment of an area source: `says` gives the reason, `ns` is the time of an evaluation of
-/// its radiance.
+/// The assessment of an area source: `because` gives the reason; `ns` is the time of one evaluation
+/// of its radiance.
 pub(super) fn assess<'s>(
     scene: &'s Scene,
     effect: EffectId,
-    says: impl Fn(&AreaLight) -> String,
+    because: impl Fn(&AreaLight) -> String,
     ns: f64,
 ) -> (Assessment<'s>, Pass<'s>) {
     let Some(area) = scene.areas.iter().find(|area| area.effect == effect) else {
@@ -42,28 +40,28 @@ pub(super) fn assess<'s>(
         return (Assessment::none(why.clone()), Pass::idle());
     }
     let pixels = scene.view.camera.detector.pixels() as f64;
-    let blurred_ns = if area.requested.spreads > 0 {
+    let blurred_ns = if area.work.spreads > 0 {
         BLURRED_NS
     } else {
         0.0
     };
     let pixels_ns = pixels * EVEN_NS + area.uneven() as f64 * (PIXEL_NS + blurred_ns);
     let assessment = if is_below_noise(scene, effect) {
-        Assessment::none(format!("{}: {BELOW_NOISE}", says(area)))
+        Assessment::none(format!("{}: {BELOW_NOISE}", because(area)))
     } else if area.electrons == 0.0 {
         // Too faint to be rasterized.
-        Assessment::new(says(area), ErrorBound::of_pixel(area.most_e), 0.0)
+        Assessment::new(because(area), ErrorBound::of_pixel(area.most_e), 0.0)
     } else {
         let cells_e = || {
             with_transfer_smear(scene, area_lit_e(scene, area), || {
                 transfer_smear_of(scene, area)
             })
         };
-        let error = LazyBound::of(move || shown_e(scene, cells_e, effect));
-        let estimated_ms = (requested_ns(&area.requested, ns) + pixels_ns) * 1e-6;
+        let error = LazyBound::of(move || final_change_e(scene, cells_e, effect));
+        let estimated_ms = (raster_ns(&area.work, ns) + pixels_ns) * 1e-6;
         Assessment {
             drawn_e: if area.is_thin { 0.0 } else { area.electrons },
-            ..Assessment::new(says(area), error, estimated_ms)
+            ..Assessment::new(because(area), error, estimated_ms)
         }
     };
     let pass = Pass::Pixels(Box::new(move |tile| {

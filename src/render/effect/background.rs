@@ -7,7 +7,7 @@ use nalgebra::Vector3;
 use std::fmt;
 use std::sync::Arc;
 
-/// The smallest step of the tables of both.
+/// The smallest step of the tables of zodiacal light and starlight.
 const DETAIL_DEG: f64 = 5.0;
 pub(super) const EARTH_FILLS: &str = "the Earth fills the field";
 
@@ -16,7 +16,7 @@ pub(super) type Brightness = dyn Fn(&Vector3<f64>) -> f64 + Send + Sync;
 
 struct Background {
     s10: Box<Brightness>,
-    /// Of 1 S10, ph/s/m^2/sr.
+    /// Radiance of 1 S10, ph/s/m^2/sr.
     unit: f64,
     horizon: Option<Horizon>,
 }
@@ -29,12 +29,12 @@ impl fmt::Debug for Background {
     }
 }
 
-/// Light of `brighter` times `s10`, where the Earth does not hide it.
+/// Light of `scale` times `s10`, except behind the Earth.
 pub(super) fn behind_the_earth(
     view: &View,
     around: &Surroundings,
     s10: Box<Brightness>,
-    brighter: f64,
+    scale: f64,
 ) -> Found {
     let horizon = around.horizon;
     if horizon.is_some_and(|horizon| horizon.fills()) {
@@ -43,7 +43,7 @@ pub(super) fn behind_the_earth(
     let zero_point = view.camera.optics.band.zero_point();
     Ok(Arc::new(Background {
         s10,
-        unit: photon_radiance(zero_point, S10_MAG) * brighter,
+        unit: photon_radiance(zero_point, S10_MAG) * scale,
         horizon,
     }))
 }
@@ -65,7 +65,7 @@ impl Radiance for Background {
         self.horizon.as_ref()?.as_edge()
     }
 
-    /// That of its edge: what it hides hardly changes.
+    /// The turning of its edge: the background itself hardly changes.
     fn turning(&self) -> Vector3<f64> {
         match self.horizon {
             Some(horizon) if horizon.has_limb() => horizon.turning,

@@ -1,9 +1,9 @@
-//! Texts that several effects share: why a scene needs an effect, or not.
+//! Texts that several effects share: why a scene needs an effect, or why not.
 
 use crate::scene::{EffectId, Hidden, MOON, Scene, Source};
 use crate::sky::field::Excluded;
 
-/// Why nothing moves in a frame over its work limit.
+/// Why images stand still in a frame that exceeds its work limit.
 pub(super) const STILL_IN_FLOOD: &str =
     "all pixels are full of other light, and motion would cost more than the limit of work";
 
@@ -40,9 +40,9 @@ pub(super) fn no_light(scene: &Scene) -> String {
 /// Why no source of a kind lights a pixel; `what` names one.
 pub(super) fn none_lit(scene: &Scene, what: &str, kind: EffectId) -> String {
     let is = |source: &&Source| source.body.effect() == kind;
-    let here: Vec<&Source> = scene.sources.iter().filter(is).collect();
-    let all = counted(here.len(), what);
-    if here.is_empty() {
+    let sources: Vec<&Source> = scene.sources.iter().filter(is).collect();
+    let all = counted(sources.len(), what);
+    if sources.is_empty() {
         return match (what, scene.view.objects) {
             ("object", 0) => "the scene has no objects".to_string(),
             ("object", 1) => format!("the scene's object is not in the field{}", unknown(scene)),
@@ -54,10 +54,10 @@ pub(super) fn none_lit(scene: &Scene, what: &str, kind: EffectId) -> String {
             _ => format!("no {what} is in the field"),
         };
     }
-    let hidden = |by: Hidden| here.iter().filter(|s| s.hidden == Some(by)).count();
+    let hidden = |by: Hidden| sources.iter().filter(|s| s.hidden == Some(by)).count();
     let (earth, shadow) = (hidden(Hidden::ByEarth), hidden(Hidden::InShadow));
     let moon = hidden(Hidden::ByMoon);
-    if earth + shadow + moon == here.len() {
+    if earth + shadow + moon == sources.len() {
         return match (earth, shadow, moon) {
             (_, 0, 0) => format!("{all} in the field, behind the Earth"),
             (0, _, 0) => format!("{all} in the field, in the Earth's shadow"),
@@ -67,9 +67,9 @@ pub(super) fn none_lit(scene: &Scene, what: &str, kind: EffectId) -> String {
             ),
         };
     }
-    let reason = if here.iter().all(|s| s.arriving_e == 0.0) {
+    let reason = if sources.iter().all(|s| s.arriving_e == 0.0) {
         "the camera turns no light into charge (optics.transmission, detector.quantum_efficiency)"
-    } else if here.iter().all(|s| s.electrons == 0.0) {
+    } else if sources.iter().all(|s| s.electrons == 0.0) {
         "no light passes the optics there (optics.vignetting)"
     } else {
         "their light falls beside the pixels"
@@ -77,7 +77,7 @@ pub(super) fn none_lit(scene: &Scene, what: &str, kind: EffectId) -> String {
     format!("{all} in the field: {reason}")
 }
 
-/// The objects without an image that may be before the camera.
+/// The objects without an image that may be in the field.
 fn unknown(scene: &Scene) -> String {
     let unseen = |why: Excluded| scene.view.unseen.iter().filter(|one| one.1 == why).count();
     let parts = [
@@ -98,7 +98,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn figures_have_three_digits_and_nouns_their_number() {
+    fn numbers_have_three_digits_and_nouns_a_plural() {
         for (value, text) in [
             (0.0, "0"),
             (0.001234, "0.00123"),

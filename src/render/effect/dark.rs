@@ -4,10 +4,10 @@
 //! N_xy <- N_xy + d_xy t,   d(T) = d(T_ref) 2^((T - T_ref) / T_double)
 //! ```
 //!
-//! The map d with its lognormal spread and its hot pixels is the camera's (`camera::pattern`); the
-//! law of temperature is told with `Detector::dark_growth`.
-//! Reference: Widenhorn et al. 2002 (Proc. SPIE 4669, 193), who also show how far one doubling
-//! holds.
+//! The map d belongs to the camera (`camera::pattern`): lognormal, with hot pixels.
+//! `Detector::dark_growth` has the temperature law.
+//! Reference: Widenhorn et al. 2002 (Proc. SPIE 4669, 193), with the range of a constant doubling
+//! temperature.
 //! Validity: one temperature for the whole detector, the same in every frame; hot pixels that
 //! flicker (random telegraph signals) are left out.
 //! Price: a sum a pixel, half again with a map.
@@ -15,7 +15,7 @@
 use super::cause::{counted, three_digits};
 use super::{Assessment, Effect, LazyBound, Pass};
 use crate::fidelity::Fidelity;
-use crate::scene::bounds::{BELOW_NOISE, is_below_noise, of_cells, shown_e};
+use crate::scene::bounds::{BELOW_NOISE, final_change_e, is_below_noise, of_cells};
 use crate::scene::{EffectId, Scene};
 
 /// Dark charge.
@@ -36,14 +36,14 @@ fn assess<'s>(scene: &'s Scene, _: &Fidelity) -> (Assessment<'s>, Pass<'s>) {
         }
         let ns = pattern.dark_e_s().map_or(0.12, |_| 0.3);
         let error = move || {
-            // The hottest pixels may be among those that fill up.
+            // The hottest pixels may fill up.
             let columns = 0..scene.view.camera.detector.width;
             let columns = columns.map(|column| pattern.dark_max_of_column(column) * seconds);
             let cells_e = || of_cells(&columns.collect::<Vec<f64>>());
-            shown_e(scene, cells_e, EffectId::DarkCurrent)
+            final_change_e(scene, cells_e, EffectId::DarkCurrent)
         };
         Assessment {
-            // However little a pixel expects, somewhere electrons come.
+            // Even a small expectation gives electrons in some pixels.
             drawn_e: mean * seconds * scene.view.camera.detector.pixels() as f64,
             error: LazyBound::of(error),
             ..Assessment::of_pixels(scene, because, 0.0, ns)

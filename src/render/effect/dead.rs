@@ -1,16 +1,16 @@
-//! Dead pixels: they give no charge, whatever falls on them.
+//! Dead pixels: they give no charge.
 //!
 //! ```text
 //! N_xy <- 0   at the dead pixels of the camera's pattern
 //! ```
 //!
-//! They are read like all others: noise and offset remain. They hold charge that spills over them
-//! as their neighbours do, and lose it.
-//! Reference: none but the definition; which pixels they are is drawn by the camera's serial
-//! number, or listed.
-//! Validity: single pixels, up to a tenth of the detector, that are wholly dead in every frame, at
-//! any temperature; pixels of little response, and dead columns and rows, are left out.
-//! Price: by their number.
+//! Read noise and offset remain. Blooming charge passes over them as over other pixels, and is lost
+//! at readout.
+//! Reference: none but the definition; the pixels are drawn by the camera's serial number, or
+//! listed.
+//! Validity: single pixels, up to a tenth of the detector, dead in every frame and at any
+//! temperature; no pixels of low response, no dead columns or rows.
+//! Price: proportional to their number.
 
 use super::cause::{counted, three_digits};
 use super::{Assessment, Effect, ErrorBound, Pass};
@@ -46,8 +46,9 @@ fn assess<'s>(scene: &'s Scene, _: &Fidelity) -> (Assessment<'s>, Pass<'s>) {
     let pass = Pass::Pixels(Box::new(move |tile| {
         let (first, pixels) = (tile.first, tile.electrons.len());
         let from = dead.partition_point(|pixel| (*pixel as usize) < first);
-        let here = dead[from..].iter().map(|pixel| *pixel as usize);
-        here.take_while(|pixel| *pixel < first + pixels)
+        let in_tile = dead[from..].iter().map(|pixel| *pixel as usize);
+        in_tile
+            .take_while(|pixel| *pixel < first + pixels)
             .for_each(|pixel| tile.electrons[pixel - first] = 0.0);
     }));
     (assessment, pass)

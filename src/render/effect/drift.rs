@@ -7,18 +7,19 @@
 //! Reference: first order of aberration (Explanatory Supplement to the Astronomical Almanac, 3rd
 //! ed., 2013, Eq. 7.40) in the change of velocity dv since mid-exposure. In a low orbit dv grows by
 //! some 8 m/s each second: 0.005 arcsec. Objects in orbit have it in their own tracks.
-//! Validity: dv runs as a parabola through start, mid and end; the Earth's own acceleration, 0.006
+//! Validity: dv is a parabola through start, mid and end; the Earth's own acceleration, 0.006
 //! m/s^2, is left out.
 //!
-//! Without it a star is off by d at the ends of the exposure, but hardly on average: its light
-//! changes by the second moment, with a for half of its track without drift and b for the mean of
-//! the parabola; of a streak by its slope:
+//! Without it a star is off by d at the ends of the exposure, but hardly on average. With a half of
+//! its track without drift and b the mean of the parabola, the second moment or the slope of the
+//! streak bounds the change:
 //!
 //! ```text
-//! dN <= min(N_0 (0.61 b / s + (a d + d^2 / 2) / (3 s^2)), 0.86 N d / s),   b = |d_start + d_end| / 6
+//! dN <= min(N_0 (0.61 b / s + (a d + d^2 / 2) / (3 s^2)), 0.86 N d / s)
+//! b = |d_start + d_end| / 6
 //! ```
 //!
-//! Price: some ten products each time a star is looked at.
+//! Price: some ten products for each evaluation of a star.
 
 use super::cause::STILL_IN_FLOOD;
 use super::{Assessment, Effect, ErrorBound};
@@ -53,7 +54,7 @@ fn assess(view: &View, simulated: &EffectSet, fidelity: &Fidelity) -> Assessment
             "stars are switched off"
         });
     }
-    // |du| = |dv| sin(angle between them) / c, for the star in the field's circle that is furthest from dv's axis.
+    // |du| = |dv| sin(angle between them) / c, for the star furthest from the axis of dv.
     let axis = view.pointing(0.0).matrix().transpose() * Vector3::z();
     let field = view.camera.cone_rad(0.0) + view.turn;
     let bound = |dv: &Vector3<f64>| {
@@ -89,24 +90,25 @@ fn change(scene: &Scene, bound: &ErrorBound) -> ErrorBound {
     let (view, d) = (&scene.view, bound.px);
     let [start, end] = &view.velocity_change_m_s;
     let scale = view.scale_and_corner_px.0;
-    // A rolling shutter's rows see the stars at other parts of the path.
+    // With a rolling shutter each row sees another part of the path.
     let rolled = d * view.camera.readout_s() / view.open_s.max(f64::MIN_POSITIVE);
     let b = (start + end).norm() / 6.0 / LIGHT_M_S * scale + rolled;
     let other = scene.simulated.toggled(EffectId::AberrationDrift);
-    // Any image without it touches the detector with it.
-    let beside = |_: &Source| Some(d + 1.0);
-    let e = changed_e(scene, &other, false, beside, |image| {
+    // Every image without drift also touches the detector with drift.
+    let margin_px = |_: &Source| Some(d + 1.0);
+    let e = changed_e(scene, &other, false, margin_px, |image| {
         let Body::Star(_) = image.source.body else {
             return BoundChange::default();
         };
         let a = image.length_px / 2.0;
         // The length of a straight track of the same second moment.
-        let way = (8.0 * (a * d + d * d / 2.0)).sqrt();
-        let off = image.moved_e(image.still_e, STEEPEST, b) + image.spread_e(image.still_e, way);
+        let length_px = (8.0 * (a * d + d * d / 2.0)).sqrt();
+        let off =
+            image.moved_e(image.still_e, STEEPEST, b) + image.spread_e(image.still_e, length_px);
         let streak = image.moved_e(image.height_e(), STEEPEST_STREAK, d);
         BoundChange {
             e: off.min(streak),
-            beside_px: d + 1.0,
+            reach_px: d + 1.0,
         }
     });
     ErrorBound { e, ..*bound }

@@ -4,13 +4,13 @@
 //! L = A E_sun cos(i) / pi
 //! ```
 //!
-//! (see `sky::earth_light`; laid on the pixels by Eqs. (4), (5) of Clark et al. 2021). What it
-//! hides is left out of the sky behind it, whether it runs or not.
+//! (see `sky::earth_light`; rasterized by Eqs. (4), (5) of Clark et al. 2021). The sky behind it is
+//! dark whether the effect runs or not.
 //! Reference: Lambert's law; Kiehl & Trenberth 1997 (BAMS 78, 197) for the albedo.
 //! Validity: one albedo, so no clouds, no continents and no glint; its direction is that of
 //! mid-exposure, turned as its centre moves.
-//! Price: a look at the ellipsoid for each sampled place, four for each pixel at the
-//! limb, and the passes over the pixels.
+//! Price: an evaluation of the ellipsoid for each sample, four for each pixel at the limb, and the
+//! passes over the pixels.
 
 use super::Effect;
 use super::area::{assess, up_to};
@@ -25,8 +25,8 @@ use std::sync::Arc;
 
 /// The Earth's disc.
 pub const EARTH: Effect = Effect::light(EffectId::Earth, "earth", |scene, _| {
-    let says = |area: &_| format!("its day side is in the field, {}", up_to(area));
-    assess(scene, EffectId::Earth, says, 240.0)
+    let because = |area: &_| format!("its day side is in the field, {}", up_to(area));
+    assess(scene, EffectId::Earth, because, 240.0)
 })
 .found_by(find, "no part of its day side is in the field");
 

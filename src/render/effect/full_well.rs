@@ -1,35 +1,35 @@
-//! Full well: a pixel holds no more charge than this. What is too much is lost, as to an
-//! anti-blooming drain, or spills along its column (`bloom`).
+//! Full well: the most charge that a pixel holds. The excess is lost, as to an anti-blooming drain,
+//! or blooms along the column (`kernels::bloom`).
 //!
 //! ```text
 //! N_xy <- min(N_xy, full well)
 //! ```
 //!
 //! Reference: Janesick 2001, Scientific Charge-Coupled Devices.
-//! Validity: a hard limit, the same for all pixels, of 1 to 1e9 e-; real wells differ by some per
-//! cent, and bend before they are full (`nonlinearity` has a bend of its own). No charge is left
-//! over for the next frame.
-//! Price: a comparison a pixel; where charge spills, each column that has an overfull pixel is
-//! worked through once.
+//! Validity: a hard limit, the same for all pixels, of 1 to 1e9 e-. Real wells differ by some per
+//! cent and bend below the limit (`nonlinearity` has its own bend). No charge remains for the next
+//! frame.
+//! Price: a comparison a pixel; with blooming also a pass over each column that has an overfull
+//! pixel.
 
 use super::cause::three_digits;
 use super::{Assessment, Effect, LazyBound, Pass};
 use crate::camera::Blooming;
 use crate::fidelity::Fidelity;
 use crate::kernels::Bloom;
-use crate::scene::bounds::{apart, greatest, held_e, straightened_e};
+use crate::scene::bounds::{greatest, held_e, max_difference, straightened_e};
 use crate::scene::{EffectId, Scene, columns_e, drawn_e, in_groups};
 use skyloop_base::abort::WorkLimit;
 use std::cell::Cell;
 
 thread_local! {
-    /// Buffers for spilling, reused from frame to frame.
-    static ROOM: Cell<Room> = Cell::default();
+    /// Blooming buffers, reused from frame to frame.
+    static BUFFERS: Cell<Buffers> = Cell::default();
 }
 
-/// Buffers for spilling columns.
+/// Buffers for blooming columns.
 #[derive(Default)]
-struct Room {
+struct Buffers {
     /// Of each column, whether it has an overfull pixel.
     overfull: Vec<bool>,
     /// One column, e-.
@@ -62,20 +62,20 @@ fn assess<'s>(scene: &'s Scene, _: &Fidelity) -> (Assessment<'s>, Pass<'s>) {
             three_digits(most),
             three_digits(full)
         );
-        let shown_e = move || {
+        let error_e = move || {
             let without = scene.simulated.without(EffectId::FullWell);
             let spilling = greatest(scene, &scene.blooming.columns, |columns| {
                 let [a, b] = [&scene.simulated, &without].map(|of| held_e(scene, columns, of));
-                apart(&a, &b)
+                max_difference(&a, &b)
             });
             spilling + straightened_e(scene, &without)
         };
         let assessment = Assessment::of_pixels(scene, because, 0.0, ns);
-        let spilt = if spills { spilt(scene) } else { 0 };
+        let columns = if spills { overfull_columns(scene) } else { 0 };
         Assessment {
-            error: LazyBound::of(shown_e),
+            error: LazyBound::of(error_e),
             drawn_e: most - brightest,
-            estimated_ms: assessment.estimated_ms + (spilt * detector.height) as f64 * 8e-6,
+            estimated_ms: assessment.estimated_ms + (columns * detector.height) as f64 * 8e-6,
             ..assessment
         }
     };
@@ -92,8 +92,8 @@ fn assess<'s>(scene: &'s Scene, _: &Fidelity) -> (Assessment<'s>, Pass<'s>) {
     (assessment, pass)
 }
 
-/// Number of columns with a pixel that noise is likely to bring over its well.
-fn spilt(scene: &Scene) -> usize {
+/// Number of columns in which noise is likely to overfill a pixel.
+fn overfull_columns(scene: &Scene) -> usize {
     let detector = &scene.view.camera.detector;
     let over = |e: &f64| e + 3.0 * e.sqrt() > detector.full_well_e;
     let groups = in_groups(scene, &scene.blooming.columns, |columns| {
@@ -104,15 +104,15 @@ fn spilt(scene: &Scene) -> usize {
     groups.into_iter().sum()
 }
 
-/// Spills every column with an overfull pixel, until the frame is cancelled. Returns the charge
-/// that left at the columns' ends, e-.
+/// Blooms every column with an overfull pixel, until the frame is cancelled. Returns the charge
+/// lost at the ends of columns, e-.
 fn blooming(electrons: &mut [f32], width: usize, full: f64, limit: &WorkLimit) -> f64 {
-    let mut room = ROOM.take();
-    let Room {
+    let mut buffers = BUFFERS.take();
+    let Buffers {
         overfull,
         column,
         bloom,
-    } = &mut room;
+    } = &mut buffers;
     overfull.clear();
     overfull.resize(width, false);
     for row in electrons.chunks(width) {
@@ -130,7 +130,7 @@ fn blooming(electrons: &mut [f32], width: usize, full: f64, limit: &WorkLimit) -
             *to = *e;
         }
     }
-    ROOM.set(room);
+    BUFFERS.set(buffers);
     left
 }
 
@@ -139,7 +139,7 @@ mod tests {
     use super::{WorkLimit, blooming};
 
     #[test]
-    fn a_frame_keeps_its_charge_and_columns_do_not_mix() {
+    fn blooming_conserves_charge_within_each_column() {
         let (width, height, full) = (7, 30, 1000.0);
         let mut frame = vec![0.0f32; width * height];
         let mut state = 1u32;
@@ -166,10 +166,13 @@ mod tests {
             assert!(column(&frame, x) <= column(&before, x));
         }
         assert!(frame.iter().all(|e| f64::from(*e) <= full + 1.0));
-        // Nothing overfull, nothing touched.
-        let mut calm = before.iter().map(|e| e.min(900.0)).collect::<Vec<_>>();
-        let same = calm.clone();
-        assert_eq!(blooming(&mut calm, width, full, &WorkLimit::default()), 0.0);
-        assert_eq!(calm, same);
+        // No overfull pixel: no change.
+        let mut below_full = before.iter().map(|e| e.min(900.0)).collect::<Vec<_>>();
+        let unchanged = below_full.clone();
+        assert_eq!(
+            blooming(&mut below_full, width, full, &WorkLimit::default()),
+            0.0
+        );
+        assert_eq!(below_full, unchanged);
     }
 }

@@ -5,15 +5,15 @@
 //! L = (1 / 4 pi) integral of (E_sun s n P + e) dl
 //! ```
 //!
-//! along the line of sight, above the limb and before the ground: molecules n of cross-section s,
-//! phase function P, as far as the Sun reaches them and they are seen, and the emission e of
-//! airglow in layers, in the camera's band (`sky::atmosphere`, where the whole equation stands).
+//! along the line of sight, above the limb and before the ground: molecules n of cross-section s
+//! with phase function P, attenuated toward the Sun and the observer, and airglow layers of
+//! emission e, in the camera's band. `sky::atmosphere` has the whole equation.
 //! Reference: Chandrasekhar 1960 for the scattering; US Standard Atmosphere 1976; published
 //! brightness and heights of airglow (`sky::atmosphere::airglow`).
 //! Validity: 350 to 1100 nm, clear air, no ozone, no aurora; by day 3 to 25 % too faint from 10 to
 //! 80 km; turned as the Earth's centre moves.
-//! Price: a look at the frame's tables for each sampled place, four for each pixel where
-//! it is finer than the grid, and the passes over the pixels.
+//! Price: an evaluation of the frame's tables for each sample, four for each pixel with detail
+//! finer than the grid, and the passes over the pixels.
 
 use super::Effect;
 use super::area::{assess, up_to};
@@ -27,8 +27,8 @@ use std::sync::Arc;
 
 /// The Earth's air.
 pub const LIMB: Effect = Effect::light(EffectId::Limb, "limb", |scene, _| {
-    let says = |area: &_| format!("the Earth's air is in the field, {}", up_to(area));
-    assess(scene, EffectId::Limb, says, 175.0)
+    let because = |area: &_| format!("the Earth's air is in the field, {}", up_to(area));
+    assess(scene, EffectId::Limb, because, 175.0)
 })
 .found_by(
     find,
@@ -36,7 +36,7 @@ pub const LIMB: Effect = Effect::light(EffectId::Limb, "limb", |scene, _| {
 );
 
 /// Above the first height (m), detail is no smaller than the second (m). Above the mesopause's
-/// airglow there are only the red lines, 40 km high; above their peak all light falls off smoothly
+/// airglow there are only the red lines, 40 km high; above their peak all light decays smoothly
 /// over three scale heights.
 const PLAIN: [[f64; 2]; 2] = [[245e3, 120e3], [130e3, 40e3]];
 
@@ -65,8 +65,8 @@ impl Radiance for Air {
         self.horizon.as_edge()
     }
 
-    /// The angular size in the lowest air in the field, which is the furthest away; unknown from
-    /// within.
+    /// The angular size of the detail in the lowest, most distant air in the field; unknown for an
+    /// observer inside the air.
     fn detail(&self) -> f64 {
         let lowest_m = self.horizon.lowest_m();
         let plain = PLAIN.iter().find(|[from_m, _]| lowest_m > *from_m);

@@ -73,7 +73,7 @@ pub const EFFECTS: &[Effect] = &[
 pub struct Effect {
     /// Its row in [`EFFECTS`].
     pub id: EffectId,
-    /// Name, as plans and labels give it.
+    /// Its name in plans and labels.
     pub name: &'static str,
     /// Its stage in the chain.
     pub stage: Stage,
@@ -81,7 +81,7 @@ pub struct Effect {
     pub random: bool,
     /// How it is assessed.
     pub assess: Assess,
-    /// How to find its light before the camera, of an area source.
+    /// For an area source: the function that finds its light.
     pub area: Option<Kind>,
 }
 
@@ -111,19 +111,19 @@ impl Effect {
         Effect::of(id, name, Stage::Dn, Assess::Pixels(assess))
     }
 
-    const fn of(id: EffectId, name: &'static str, stage: Stage, judge: Assess) -> Effect {
+    const fn of(id: EffectId, name: &'static str, stage: Stage, assess: Assess) -> Effect {
         Effect {
             id,
             name,
             stage,
             random: false,
-            assess: judge,
+            assess,
             area: None,
         }
     }
 
-    /// An area source, with the function that finds its light, and why no pixel is lit if none is
-    /// though light was found.
+    /// Makes it an area source. `radiance` finds its light; `unlit` is the reason if that light
+    /// reaches no pixel.
     const fn found_by(
         mut self,
         radiance: fn(&World, &View, &Surroundings) -> Found,
@@ -143,13 +143,13 @@ impl Effect {
         self
     }
 
-    /// Whether it moves images; its effect on pixels follows from that.
+    /// Whether it moves images.
     pub fn moves_images(&self) -> bool {
         self.stage == Stage::Images && self.id != EffectId::Vignetting
     }
 
-    /// Whether its random numbers are drawn with the scene. Its error is then that of this frame,
-    /// not an rms.
+    /// Whether its random numbers are drawn with the scene. Its error is then the error of this
+    /// frame, not an rms.
     pub fn is_foreseen(&self) -> bool {
         self.id == EffectId::Radiation
     }
@@ -160,28 +160,27 @@ pub fn area_kinds() -> impl Iterator<Item = Kind> {
     EFFECTS.iter().filter_map(|effect| effect.area)
 }
 
-/// The name of an effect, as plans and labels give it.
+/// The name of an effect in plans and labels.
 pub fn name_of(effect: EffectId) -> &'static str {
     EFFECTS[effect as usize].name
 }
 
 /// How an effect is assessed.
 pub enum Assess {
-    /// It shapes the images of sources. Assessed before they are formed, with the effects that
-    /// shape them already; its change is bounded when they are.
+    /// It shapes the images of sources. It is assessed before they are formed, given the earlier
+    /// effects that shape them. Its change is bounded afterwards.
     Images(AssessImages, BoundChange),
     /// It works on pixels.
     Pixels(AssessPixels),
 }
 
-/// The assessment of an effect that shapes images, given those that shape them already.
+/// The assessment of an effect that shapes images, given the earlier effects that run.
 pub type AssessImages = fn(&View, &EffectSet, &Fidelity) -> Assessment<'static>;
 
 /// The assessment of an effect on pixels, and its pass over them.
 pub type AssessPixels = for<'s> fn(&'s Scene, &Fidelity) -> (Assessment<'s>, Pass<'s>);
 
-/// A bound of the final change without an effect, from the formed images and its earlier
-/// assessment.
+/// Bound of the final change without an effect, from the formed images and its assessment.
 pub type BoundChange = fn(&Scene, &ErrorBound) -> ErrorBound;
 
 /// The chain's stages, in order.
@@ -193,24 +192,25 @@ pub enum Stage {
     Light,
     /// Turns expected electrons into drawn ones, moves or clips them.
     Charge,
-    /// Turns electrons into digital numbers, or changes those.
+    /// Turns electrons into digital numbers, or changes digital numbers.
     Dn,
 }
 
 /// The assessment of an effect.
 pub struct Assessment<'s> {
-    /// What in the scene needs it, or why nothing does.
+    /// Why the scene needs it, or why not.
     pub because: Cow<'static, str>,
     /// Bound of the error without it.
     pub error: LazyBound<'s>,
-    /// Change without it in the drawn electrons of one pixel, or of all together, beyond the
-    /// expectation of a pixel in `error`, e-. It runs if either exceeds the tolerance.
+    /// Change of the drawn electrons without it, of one pixel or of the frame, e-. `error` covers
+    /// expectations only. The effect runs if either exceeds the tolerance.
     pub drawn_e: f64,
     /// Estimated time, ms on one core.
     pub estimated_ms: f64,
 }
 
-/// An error bound: known, or computed on first use. Not computed in a frame if `drawn_e` decides.
+/// An error bound: known, or computed on first use. A frame does not compute it if `drawn_e`
+/// decides.
 pub enum LazyBound<'s> {
     /// Known.
     Known(ErrorBound),
@@ -237,13 +237,13 @@ impl Deref for LazyBound<'_> {
     fn deref(&self) -> &ErrorBound {
         match self {
             LazyBound::Known(bound) => bound,
-            LazyBound::Lazy(loss) => loss,
+            LazyBound::Lazy(bound) => bound,
         }
     }
 }
 
-/// Bound of the final error without an effect, after all later effects in the chain, such as full
-/// wells. For effects on digital numbers, in electrons of those.
+/// Bound of the final error without an effect, after all later effects of the chain. Errors of
+/// digital numbers are converted to electrons.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct ErrorBound {
     /// Greatest change of a pixel, e-: of its expectation without particles, or rms if the effect
@@ -253,15 +253,15 @@ pub struct ErrorBound {
     pub px: f64,
 }
 
-/// What an effect does where it runs.
+/// The work of an effect that runs.
 pub enum Pass<'s> {
-    /// Nothing: it has shaped the images.
+    /// None: it has shaped the images.
     Images,
-    /// Works on each pixel, or run of pixels, by itself.
+    /// Processes each pixel, or run of pixels, independently.
     Pixels(Box<dyn Fn(&mut Tile<'_>) + Send + Sync + 's>),
-    /// Works on each band of rows by itself.
+    /// Processes each band of rows independently.
     Tile(Box<dyn Fn(&mut Tile<'_>) + Send + Sync + 's>),
-    /// Works on the whole frame's charge at once.
+    /// Processes the charge of the whole frame at once.
     Frame(Box<dyn Fn(&mut Charge<'_>) + Send + Sync + 's>),
 }
 
@@ -276,46 +276,47 @@ impl Pass<'_> {
 pub enum Decision<'s> {
     /// It is switched off.
     Off {
-        /// Why not.
+        /// The reason.
         why: &'static str,
     },
     /// It does not run.
     Skip {
-        /// Why not.
+        /// The reason.
         why: Cow<'static, str>,
     },
     /// It runs.
     Run {
-        /// What it does.
+        /// Its work.
         pass: Pass<'s>,
         /// Why it is needed.
         because: Cow<'static, str>,
-        /// What it is expected to take, ms on one core.
+        /// Estimated time, ms on one core.
         estimated_ms: f64,
     },
 }
 
 impl<'s> Assessment<'s> {
-    /// An error bound without it, no further change of drawn electrons, and its estimated time.
+    /// An effect with this error bound and this estimated time, and no further change of drawn
+    /// electrons.
     fn new(
         because: impl Into<Cow<'static, str>>,
         error: impl Into<LazyBound<'s>>,
-        price_ms: f64,
+        estimated_ms: f64,
     ) -> Assessment<'s> {
         Assessment {
             because: because.into(),
             error: error.into(),
             drawn_e: 0.0,
-            estimated_ms: price_ms,
+            estimated_ms,
         }
     }
 
-    /// The effect is not needed: nothing changes without it.
+    /// An effect that is not needed: nothing changes without it.
     pub fn none(why: impl Into<Cow<'static, str>>) -> Assessment<'s> {
         Assessment::new(why, ErrorBound::default(), 0.0)
     }
 
-    /// It changes a pixel by at most `e` electrons, and takes `ns` a pixel.
+    /// An effect that changes a pixel by at most `e` electrons and takes `ns` for each pixel.
     fn of_pixels(
         scene: &Scene,
         because: impl Into<Cow<'static, str>>,
@@ -336,7 +337,7 @@ impl<'s> Assessment<'s> {
 
     /// Whether the error without it is within the tolerances.
     pub fn is_within(&self, fidelity: &Fidelity) -> bool {
-        // The error last: it may not be computed yet.
+        // `error` may still have to be computed: it is checked last.
         self.drawn_e <= fidelity.skip_e && self.error.is_within(fidelity)
     }
 

@@ -1,5 +1,5 @@
-//! The Moon: its disc where it is larger than a pixel, cut into points, or laid on the pixels as
-//! areas are where that would be too many; else a point.
+//! The Moon. Below a pixel it is a point; a larger disc is divided into points; a disc of too many
+//! points is rasterized like an area source.
 //!
 //! ```text
 //! N_xy = sum_k s_k E QE tau A_app t_int PSF(x, y, x_k, y_k),   sum s_k = 1
@@ -7,15 +7,15 @@
 //!
 //! with all its light E by Clark et al. 2021, Eq. (1), of the magnitude of Kieffer & Stone 2005
 //! (phase and opposition surge), and the shares s of half a pixel's squares by the law of Lommel
-//! and Seeliger (`sky::moon`). What the Earth hides and what its shadow covers is dark (in the
-//! umbra wholly: the red light of the air is left out).
+//! and Seeliger (`sky::moon`). Parts behind the Earth or in its shadow are dark; the umbra has no
+//! red light of the air.
 //! Reference: Kieffer & Stone 2005 (AJ 129, 2887).
-//! Validity: no maria, no mountains, no light of the Earth on the night side; turned as its middle
-//! moves. A disc of more than 600 squares a side (some 400 px) is laid as areas are: within 0.1 %
-//! of its law away from limb and terminator; light that the optics spread further than 24 px lies
-//! evenly over those; where it moves by 26 px its centre is 0.07 px off.
-//! Price: that of a star for each of its points; of a large one that of a point for every 42 pixels
-//! of the detector.
+//! Validity: no maria, no mountains, no light of the Earth on the night side; turned as its centre
+//! moves. A disc of more than 600 squares a side (some 400 px) is rasterized like an area source:
+//! within 0.1 % of its law away from limb and terminator; light that the optics spread further than
+//! 24 px is distributed evenly over those; a motion of 26 px shifts its centre by 0.07 px.
+//! Price: that of a star for each of its points; for a large disc, that of a point for every 42
+//! pixels of the detector.
 
 use super::Effect;
 use super::point;

@@ -1,4 +1,4 @@
-//! Non-linearity: the fuller a pixel, the less another electron adds to what is read.
+//! Non-linearity: the signal per electron falls as a pixel fills up.
 //!
 //! ```text
 //! N <- N (1 - a N / full well)
@@ -7,7 +7,8 @@
 //! `a` is the share of the signal that is missing at full well.
 //! Reference: Janesick 2007, Photon Transfer, ch. 7; EMVA Standard 1288 release 4.0 measures such a
 //! bend. It is the first term of a source follower whose gain falls with its signal.
-//! Validity: `a` up to 1/2, where it would begin to fall; smooth bends, no kinks at low signal.
+//! Validity: `a` up to 1/2, beyond which the signal would decrease; smooth bends, no kinks at low
+//! signal.
 //! Price: two products a pixel.
 
 use super::cause::three_digits;

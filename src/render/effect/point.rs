@@ -6,37 +6,40 @@
 //!
 //! Reference: Clark et al. 2021.
 //! Validity: sources smaller than the PSF; their light adds up.
-//! Price: the pixels of each image, computed once for each place that the image comes by
-//! (`scene::work`), and a sum a pixel.
+//! Price: the pixels of each image, once for each sample of its track (`scene::work`), and a sum a
+//! pixel.
 
 use super::cause::{counted, none_lit, three_digits};
 use super::{Assessment, Effect, LazyBound, Pass};
 use crate::fidelity::Fidelity;
-use crate::scene::bounds::{BELOW_NOISE, is_below_noise, lit_e, shown_e, with_transfer_smear};
+use crate::scene::bounds::{
+    BELOW_NOISE, final_change_e, is_below_noise, lit_e, with_transfer_smear,
+};
 use crate::scene::{EffectId, Lit, Scene, Source, still_ms};
 
 /// The stars.
-pub const STARS: Effect = Effect::light(EffectId::Stars, "stars", judge_stars);
+pub const STARS: Effect = Effect::light(EffectId::Stars, "stars", assess_stars);
 /// The resident space objects.
-pub const RSOS: Effect = Effect::light(EffectId::Rsos, "rsos", judge_rsos);
+pub const RSOS: Effect = Effect::light(EffectId::Rsos, "rsos", assess_rsos);
 
-fn judge_stars<'s>(scene: &'s Scene, fidelity: &Fidelity) -> (Assessment<'s>, Pass<'s>) {
-    // Computed with the light of all.
+fn assess_stars<'s>(scene: &'s Scene, fidelity: &Fidelity) -> (Assessment<'s>, Pass<'s>) {
+    // Computed with the light of all sources.
     let own_e = |_: &[&Source]| scene.stars_lit_e().to_vec();
     assess(scene, fidelity, (EffectId::Stars, "star"), own_e)
 }
 
-fn judge_rsos<'s>(scene: &'s Scene, fidelity: &Fidelity) -> (Assessment<'s>, Pass<'s>) {
+fn assess_rsos<'s>(scene: &'s Scene, fidelity: &Fidelity) -> (Assessment<'s>, Pass<'s>) {
     let own_e = |drawn: &[&Source]| sources_lit_e(scene, drawn);
     assess(scene, fidelity, (EffectId::Rsos, "object"), own_e)
 }
 
-/// A bound (e-) of the light of these alone, for each column of cells.
+/// Bound (e-) of the light of these sources alone, for each column of cells.
 pub(super) fn sources_lit_e(scene: &Scene, sources: &[&Source]) -> Vec<f64> {
     lit_e(scene, sources.iter().copied().map(Lit::from))
 }
 
-/// The assessment of sources of a kind; `own_e` bounds their light alone, `what` names one.
+/// The assessment of sources of a kind; `own_e` bounds their light alone, `what` is the noun for
+/// one.
 pub(super) fn assess<'s>(
     scene: &'s Scene,
     fidelity: &Fidelity,
@@ -55,15 +58,15 @@ pub(super) fn assess<'s>(
         if is_below_noise(scene, effect) {
             Assessment::none(format!("{because}: {BELOW_NOISE}"))
         } else {
-            // Their own light, and their part of the column's trail.
+            // Their own light, and their part of the frame-transfer smear.
             let all = drawn.clone();
             let cells_e =
                 move || with_transfer_smear(scene, own_e(&all), || scene.transfer_smear_e.clone());
             // Hidden sources have images too: labels give their signal in full light.
             let made = scene.sources.iter().filter(|s| s.body.effect() == effect);
-            let error = LazyBound::of(move || shown_e(scene, cells_e, effect));
+            let error = LazyBound::of(move || final_change_e(scene, cells_e, effect));
             Assessment {
-                // Thinly spread light also comes in whole electrons.
+                // Faint light is drawn in whole electrons too.
                 drawn_e: drawn.iter().map(|source| source.electrons).sum(),
                 ..Assessment::new(because, error, still_ms(scene, made, fidelity))
             }

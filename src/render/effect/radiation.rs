@@ -4,12 +4,12 @@
 //! N_xy <- N_xy + sum over events of the charge left in the pixel
 //! ```
 //!
-//! The events are drawn once, in the scene, and read here and by the label: `camera::radiation` has
-//! their equations and sources, `sky::radiation` their number by orbit. Their charge comes after
-//! shot noise, which it does not follow: its scatter is that of the energy loss.
-//! Reference: there.
-//! Validity: charged particles alone, and pixels that keep no memory of them.
-//! Price: by the pixels of the events.
+//! The events are drawn once, in the scene, for pixels and label. `camera::radiation` has their
+//! equations and sources, `sky::radiation` their number by orbit. Their charge is added after shot
+//! noise: its scatter is that of the energy loss.
+//! Reference: see those modules.
+//! Validity: charged particles alone; no damage to pixels, no persistence.
+//! Price: proportional to the pixels of the events.
 
 use super::cause::{counted, three_digits};
 use super::{Assessment, Effect, ErrorBound, Pass};
@@ -31,7 +31,7 @@ fn assess<'s>(scene: &'s Scene, _: &Fidelity) -> (Assessment<'s>, Pass<'s>) {
     } else {
         let all = counted(scene.events.len(), "particle");
         let because = format!("{all} on the detector, {}", rate(scene));
-        let error = ErrorBound::of_pixel(passed_on(scene));
+        let error = ErrorBound::of_pixel(overflow_e(scene));
         Assessment::new(because, error, hits as f64 * 3e-6)
     };
     let pass = Pass::Pixels(Box::new(move |tile| {
@@ -65,15 +65,15 @@ fn rate(scene: &Scene) -> String {
     format!("{expected} expected at {flux} /cm^2/s{by}")
 }
 
-/// Bound of the charge that a pixel shows of all hits, e-: its own, and in spilling columns what
-/// full neighbours pass on.
-fn passed_on(scene: &Scene) -> f64 {
+/// Bound of the charge of all hits that a pixel holds, e-: its own, and in blooming columns the
+/// overflow of full neighbours.
+fn overflow_e(scene: &Scene) -> f64 {
     let (detector, blooming) = (&scene.view.camera.detector, &scene.blooming);
     let most = scene.struck.most_e().min(blooming.most_e);
     if !blooming.spills() {
         return most;
     }
-    // For each column the charge of all its pixels, and of the one that gets most.
+    // The charge of each column, and of its most charged pixel.
     let mut struck = vec![[0.0f64; 2]; detector.width];
     let hits = scene.struck.hits();
     for (pixel, e) in hits.take_while(|_| !scene.is_cancelled()) {
@@ -92,6 +92,6 @@ fn passed_on(scene: &Scene) -> f64 {
         });
         passed.fold(0.0, f64::max)
     });
-    // Whole electrons spill.
+    // Blooming moves whole electrons.
     most.max((passed + 2.0).min(blooming.most_e))
 }

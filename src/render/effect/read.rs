@@ -1,11 +1,11 @@
-//! Read noise: what the amplifier adds to a pixel when it is read.
+//! Read noise of the amplifier.
 //!
 //! ```text
 //! N_xy <- N_xy + sigma N(0, 1)
 //! ```
 //!
 //! Reference: the linear model of EMVA Standard 1288, release 4.0 Linear, section 2.
-//! Validity: white and alike in all pixels; no pattern of rows, no random telegraph signals.
+//! Validity: white noise, the same for all pixels; no pattern of rows, no random telegraph signals.
 //! Price: a normal draw a pixel.
 
 use super::cause::three_digits;

@@ -1,7 +1,7 @@
 //! Readout: electrons to digital numbers.
 //!
-//! The factor that Clark et al. 2021 call "eDN", in e-/DN, divides:
-//! `DN = round(N / gain + offset)`, held to 0..2^bits - 1.
+//! The gain ("eDN" of Clark et al. 2021), in e-/DN, divides the charge:
+//! `DN = round(N / gain + offset)`, clamped to 0..2^bits - 1.
 //!
 //! Reference: Clark et al. 2021, Eq. (11); EMVA Standard 1288, release 4.0 Linear, section 2.
 //! Validity: steps of one height; no missing codes.
@@ -19,12 +19,12 @@ fn assess<'s>(scene: &'s Scene, _: &Fidelity) -> (Assessment<'s>, Pass<'s>) {
     let detector = &scene.view.camera.detector;
     let (per_electron, offset) = (1.0 / detector.gain_e_per_dn, detector.offset_dn);
     let max = f64::from(detector.max_dn());
-    // Without it there would be no digits at all: not the brightest either, charge and offset.
+    // Without it there are no digital numbers: the error is the brightest one.
     let held = scene.brightest_e().min(scene.blooming.most_e);
-    let digit = (held * per_electron + offset + 0.5).clamp(0.0, max);
-    let all = digit * detector.gain_e_per_dn;
+    let brightest_dn = (held * per_electron + offset + 0.5).clamp(0.0, max);
+    let all_e = brightest_dn * detector.gain_e_per_dn;
     let because = format!("a frame is digits of {} bits", detector.bits);
-    let assessment = Assessment::of_pixels(scene, because, all, 0.25);
+    let assessment = Assessment::of_pixels(scene, because, all_e, 0.25);
     let converter = Converter {
         per_electron,
         offset,

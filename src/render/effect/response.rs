@@ -1,18 +1,18 @@
-//! Pixel response: no two pixels turn the same light into the same charge.
+//! Pixel response: the charge per unit of light differs from pixel to pixel.
 //!
 //! ```text
 //! N_xy <- g_xy N_xy,   g = 1 + prnu N(0, 1), clipped at 0
 //! ```
 //!
-//! Reference: photo-response non-uniformity of EMVA Standard 1288 release 4.0; the map is the
-//! camera's (`camera::pattern`).
+//! Reference: photo-response non-uniformity of EMVA Standard 1288 release 4.0; the map belongs to
+//! the camera (`camera::pattern`).
 //! Validity: a response that does not depend on wavelength, and no pattern of rows and columns.
 //! Price: a product a pixel.
 
 use super::cause::{no_light, three_digits};
 use super::{Assessment, Effect, Pass};
 use crate::fidelity::Fidelity;
-use crate::scene::bounds::{BELOW_NOISE, is_below_noise, lit_where, shown_e};
+use crate::scene::bounds::{BELOW_NOISE, final_change_e, is_below_noise, lit_where};
 use crate::scene::{EffectId, Scene};
 
 /// Photo-response non-uniformity.
@@ -26,7 +26,7 @@ fn assess<'s>(scene: &'s Scene, _: &Fidelity) -> (Assessment<'s>, Pass<'s>) {
     };
     let off = |pixel| (pattern.response_of(pixel) - 1.0).abs();
     let own = EffectId::PixelResponse;
-    let worst = shown_e(scene, || lit_where(scene, off), own);
+    let worst = final_change_e(scene, || lit_where(scene, off), own);
     let assessment = if is_below_noise(scene, own) {
         Assessment::none(BELOW_NOISE)
     } else if worst == 0.0 {

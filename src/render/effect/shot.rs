@@ -34,7 +34,10 @@ fn assess<'s>(scene: &'s Scene, fidelity: &Fidelity) -> (Assessment<'s>, Pass<'s
     let assessment = if most == 0.0 {
         Assessment::none(format!("{}; {no_dark}", no_light(scene)))
     } else {
-        let e = most.min(scene.blooming.most_e).sqrt().max(spilt_e(scene));
+        let e = most
+            .min(scene.blooming.most_e)
+            .sqrt()
+            .max(bloomed_noise_e(scene));
         let most = three_digits(most);
         let because = format!("charge comes in electrons, up to {most} in a pixel");
         Assessment::new(because, ErrorBound::of_pixel(e), estimated_ms(scene))
@@ -47,10 +50,10 @@ fn assess<'s>(scene: &'s Scene, fidelity: &Fidelity) -> (Assessment<'s>, Pass<'s
     (assessment, pass)
 }
 
-/// A bound (e- rms) of the noise of what spills: of what a pixel shows the variance is at most that
-/// of all draws of its column (Efron and Stein 1981, Annals of Statistics 9, 586), of which it
-/// shows a part each.
-fn spilt_e(scene: &Scene) -> f64 {
+/// Bound (e- rms) of the noise of blooming charge. The variance of a pixel is at most that of all
+/// draws of its column (Efron and Stein 1981, Annals of Statistics 9, 586), because the pixel holds
+/// a part of each.
+fn bloomed_noise_e(scene: &Scene) -> f64 {
     if !scene.blooming.spills() {
         return 0.0;
     }
@@ -64,23 +67,23 @@ fn spilt_e(scene: &Scene) -> f64 {
 }
 
 /// Pixels sampled for the estimate of time.
-const LOOKED_AT: usize = 256;
+const SAMPLED: usize = 256;
 
-/// Estimated time of drawing, ms, from the means of some pixels, at a step that is no multiple of
-/// the columns.
+/// Estimated time of drawing, ms, from the means of some pixels. The odd step avoids sampling a
+/// single column.
 fn estimated_ms(scene: &Scene) -> f64 {
     let pixels = scene.view.camera.detector.pixels();
-    let step = (pixels / LOOKED_AT) | 1;
-    let looked = (0..pixels).step_by(step);
-    let count = looked.len().max(1) as f64;
-    let ns = looked.map(|pixel| draw_ns(scene.background_of(pixel)));
+    let step = (pixels / SAMPLED) | 1;
+    let samples = (0..pixels).step_by(step);
+    let count = samples.len().max(1) as f64;
+    let ns = samples.map(|pixel| draw_ns(scene.background_of(pixel)));
     pixels as f64 * ns.sum::<f64>() / count * 1e-6
 }
 
-/// Below this mean draws are searched from 0 on.
+/// Below this mean (e-) a draw is a search from 0.
 const SEARCHED: f64 = 12.0;
 
-/// ns of a draw: all lanes take each step of the search until the last is done.
+/// Time of a draw, ns: all lanes search until the last has its result.
 fn draw_ns(mean: f64) -> f64 {
     match mean {
         0.0 => 0.1,

@@ -1,16 +1,15 @@
 //! Smear: images move while the shutter is open, by the body's rates and by motion along orbits.
 //!
-//! A source's light is spread over its true track,
-//! `N_xy = N int PSF(x - x(t), y - y(t)) dt / t_int`: the same time on equal parts of the exposure,
-//! so a slow part of the track is brighter (see `track`). Without it each image stands still at the
-//! middle of the exposure; its ends are then half the track's length L off, and a pixel's light by
-//! at most `min(1, L^2 / (24 s^2) + 0.61 b / s)` of the still image's greatest, for a PSF of width
-//! s (second order of the integral) and a centroid that is b off; with a rolling shutter also by
-//! what that makes of the motion.
+//! A source's light is spread over its true track, `N_xy = N int PSF(x - x(t), y - y(t)) dt /
+//! t_int`: the same time on equal parts of the exposure, so a slow part of the track is brighter
+//! (see `track`). Without it each image stands still at the middle of the exposure. Its ends are
+//! then half the track's length L off. A pixel's light is off by at most `min(1, L^2 / (24 s^2) +
+//! 0.61 b / s)` of the still image's peak, for a PSF of width s (second order of the integral) and
+//! a centroid error b. A rolling shutter adds its own shift of moving images.
 //!
-//! Reference: the integral above, held against direct integration.
+//! Reference: the integral above, compared with direct integration.
 //! Validity: body rates are constant during the exposure; an object's own track is a parabola.
-//! Price: the pixels of an image once more for each step of half a PSF's width along its track.
+//! Price: the pixels of an image once for each step of half a PSF's width along its track.
 
 use super::cause::{STILL_IN_FLOOD, three_digits};
 use super::{Assessment, Effect, ErrorBound};
@@ -26,13 +25,13 @@ fn assess(view: &View, simulated: &EffectSet, fidelity: &Fidelity) -> Assessment
         return Assessment::none(STILL_IN_FLOOD);
     }
     let length_px = view.longest_track_px(view.exposure.duration_s);
-    let swing_px = view.areas_swing_px(view.exposure.duration_s);
+    let edge_px = view.areas_swing_px(view.exposure.duration_s);
     // Without smear images also stand still for a rolling shutter.
     let rolled_px = match view.camera.readout_s() {
         0.0 => 0.0,
         readout_s => view.longest_track_px(readout_s) / 2.0,
     };
-    if length_px + swing_px == 0.0 {
+    if length_px + edge_px == 0.0 {
         return Assessment::none("the body's rates are 0, and no object moves across the field");
     }
     let moving_ms = |seconds: f64| work(view, seconds, fidelity).moving_ms;
@@ -44,12 +43,12 @@ fn assess(view: &View, simulated: &EffectSet, fidelity: &Fidelity) -> Assessment
     } else {
         moving_ms(view.exposure.duration_s)
     };
-    let most_px = three_digits(length_px.max(swing_px));
+    let most_px = three_digits(length_px.max(edge_px));
     let because = format!("images move by up to {most_px} px");
     let error = ErrorBound {
-        // Of an edge that is smeared over d px by no more than `d^2 / 24` of its bend, which is
-        // below 0.7 of a pixel's.
-        e: view.areas_peak_e() * (swing_px * swing_px / 16.0).min(1.0),
+        // An edge smeared over d px changes by at most `d^2 / 24` of its bend, and the bend is
+        // below 0.7 of the pixel's light.
+        e: view.areas_peak_e() * (edge_px * edge_px / 16.0).min(1.0),
         px: length_px / 2.0 + rolled_px,
     };
     Assessment::new(because, error, estimated_ms + areas_smear_ms(view))
@@ -67,7 +66,8 @@ fn change(scene: &Scene, bound: &ErrorBound) -> ErrorBound {
             other.without(EffectId::RollingShutter)
         };
     }
-    // A still image lies on its track, but that a rolling shutter exposes its parts at other times.
+    // A still image lies on its track, except that a rolling shutter exposes its parts at other
+    // times.
     let enters = simulated.has(EffectId::Smear) && simulated.has(EffectId::RollingShutter);
     let moved_px = if simulated.has(EffectId::Smear) {
         scene.view.longest_track_px(scene.view.camera.readout_s()) / 2.0
@@ -75,8 +75,8 @@ fn change(scene: &Scene, bound: &ErrorBound) -> ErrorBound {
         bound.px
     };
     let dimming = dimming_px(scene);
-    let beside = |_: &Source| Some(moved_px + 1.0);
-    let e = changed_e(scene, &other, enters, beside, |image| {
+    let margin_px = |_: &Source| Some(moved_px + 1.0);
+    let e = changed_e(scene, &other, enters, margin_px, |image| {
         let (length_px, bend_px) = if own {
             (image.length_px, image.bend_px())
         } else {
@@ -94,10 +94,10 @@ fn change(scene: &Scene, bound: &ErrorBound) -> ErrorBound {
             + all_e * (longer + dimming * (moved + length_px / 2.0)).min(1.0);
         BoundChange {
             e: e.min(all_e),
-            beside_px: moved + 1.0,
+            reach_px: moved + 1.0,
         }
     });
-    let swing_px = scene.view.areas_swing_px(scene.view.exposure.duration_s);
-    let e = e + areas_changed_e(scene, &other, (2.0 * bound.px + swing_px).powi(2) / 3.0);
+    let edge_px = scene.view.areas_swing_px(scene.view.exposure.duration_s);
+    let e = e + areas_changed_e(scene, &other, (2.0 * bound.px + edge_px).powi(2) / 3.0);
     ErrorBound { e, ..*bound }
 }

@@ -1,15 +1,15 @@
-//! Integrated starlight: the stars that are too faint for the catalogue, as light of the sky.
+//! Integrated starlight: the stars too faint for the catalogue, as area light.
 //!
 //! ```text
 //! L = E_zero 10^(-0.4 m) (180 / pi)^2 3600^2
 //! ```
 //!
-//! (Clark et al. 2021, Eq. (3), its exponent corrected) of the magnitude m a square arc second that
-//! the stars below the limit of the scene's catalogue have together, by galactic coordinates
-//! (`sky::starlight`). Reference: Hipparcos and Tycho to V = 11, Bahcall & Soneira 1980 (ApJS 44,
-//! 73) beyond; Leinert et al. 1998 (A&AS 127, 1). Validity: 20 %, nothing finer than 5 to 15 deg;
-//! of the Sun's colour; no light that dust scatters. Price: an evaluation of the table for each
-//! sampled place, and the passes over the pixels.
+//! (Clark et al. 2021, Eq. (3), its exponent corrected), with m the magnitude per square arc second
+//! of all stars below the catalogue's limit, by galactic coordinates (`sky::starlight`).
+//! Reference: Hipparcos and Tycho to V = 11, Bahcall & Soneira 1980 (ApJS 44, 73) beyond; Leinert
+//! et al. 1998 (A&AS 127, 1).
+//! Validity: 20 %, nothing finer than 5 to 15 deg; the Sun's colour; no light scattered by dust.
+//! Price: an evaluation of the table for each sample, and the passes over the pixels.
 
 use super::Effect;
 use super::area::{assess, up_to};

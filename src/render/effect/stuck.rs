@@ -1,14 +1,14 @@
-//! Stuck pixels: one digit, whatever they hold.
+//! Stuck pixels: a constant digital number, whatever their charge.
 //!
 //! ```text
 //! DN_xy <- stuck_dn   at the stuck pixels of the camera's pattern
 //! ```
 //!
-//! Reference: none but the definition; which pixels they are is drawn by the camera's serial
-//! number, or listed.
-//! Validity: single pixels, up to a tenth of the detector, that all give one digit and never
-//! change; pixels that blink or take several values, and columns that are stuck, are left out.
-//! Price: by their number.
+//! Reference: none but the definition; the pixels are drawn by the camera's serial number, or
+//! listed.
+//! Validity: single pixels, up to a tenth of the detector, all with the same constant value; no
+//! blinking pixels, no stuck columns.
+//! Price: proportional to their number.
 
 use super::cause::counted;
 use super::{Assessment, Effect, ErrorBound, Pass};
@@ -43,15 +43,16 @@ fn assess<'s>(scene: &'s Scene, _: &Fidelity) -> (Assessment<'s>, Pass<'s>) {
                 (instead_e - read.min(detector.converter_reach_e())).abs()
             });
         let because = format!("{} at {dn} DN", counted(stuck.len(), "stuck pixel"));
-        // Digits are whole.
+        // Digital numbers are rounded.
         let error = ErrorBound::of_pixel(off.fold(0.0, f64::max) + gain);
         Assessment::new(because, error, stuck.len() as f64 * 2e-6)
     };
     let pass = Pass::Pixels(Box::new(move |tile| {
         let (first, pixels) = (tile.first, tile.dn.len());
         let from = stuck.partition_point(|pixel| (*pixel as usize) < first);
-        let here = stuck[from..].iter().map(|pixel| *pixel as usize);
-        here.take_while(|pixel| *pixel < first + pixels)
+        let in_tile = stuck[from..].iter().map(|pixel| *pixel as usize);
+        in_tile
+            .take_while(|pixel| *pixel < first + pixels)
             .for_each(|pixel| tile.dn[pixel - first] = dn);
     }));
     (assessment, pass)

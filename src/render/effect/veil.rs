@@ -7,11 +7,11 @@
 //!
 //! with the irradiance E on the aperture and the point-source transmittance at the angle from the
 //! boresight (`camera::stray`); of the Earth the sum over patches of its lit disc. The Sun is never
-//! in the image: inside of its exclusion angle it fills all pixels.
+//! in the image: inside its exclusion angle all pixels are full.
 //! Reference: Breault 1995 (Handbook of Optics, ch. 38).
-//! Validity: the same on all pixels, which is what a point-source transmittance speaks of; no
-//! ghosts, no glare around bright stars; at mid-exposure's attitude; the air's light counts as that
-//! of the ground below it.
+//! Validity: uniform over the detector, as a point-source transmittance implies; no ghosts, no
+//! glare around bright stars; attitude of mid-exposure; the air's light is counted as that of the
+//! ground below.
 //! Price: the passes over the pixels.
 
 use super::Effect;
@@ -27,22 +27,27 @@ use crate::sky::shadow::Earth;
 use nalgebra::Vector3;
 use std::sync::Arc;
 
-/// ns of an evaluation of light that is the same everywhere.
-const LOOK_NS: f64 = 45.0;
+/// Time of an evaluation of uniform light, ns.
+const EVALUATION_NS: f64 = 45.0;
 
 /// Sunlight.
 pub const SUNLIGHT: Effect = Effect::light(EffectId::Sunlight, "sunlight", |scene, _| {
-    assess(scene, EffectId::Sunlight, |area| sun(scene, area), LOOK_NS)
+    assess(
+        scene,
+        EffectId::Sunlight,
+        |area| sun(scene, area),
+        EVALUATION_NS,
+    )
 })
 .found_by(sunlight, NOTHING);
 /// Moonglow.
 pub const MOONGLOW: Effect = Effect::light(EffectId::Moonglow, "moonglow", |scene, _| {
-    assess(scene, EffectId::Moonglow, scatters, LOOK_NS)
+    assess(scene, EffectId::Moonglow, scatters, EVALUATION_NS)
 })
 .found_by(moonglow, NOTHING);
 /// Earthshine.
 pub const EARTHSHINE: Effect = Effect::light(EffectId::Earthshine, "earthshine", |scene, _| {
-    assess(scene, EffectId::Earthshine, scatters, LOOK_NS)
+    assess(scene, EffectId::Earthshine, scatters, EVALUATION_NS)
 })
 .found_by(earthshine, NOTHING);
 
@@ -56,7 +61,8 @@ fn sun(scene: &Scene, area: &AreaLight) -> String {
     let [angle, exclusion] = [angle, exclusion].map(|rad| three_digits(rad.to_degrees()));
     if sun.excluded {
         format!(
-            "the Sun is {angle} deg from the boresight, within the exclusion angle of {exclusion}: the frame saturates"
+            "the Sun is {angle} deg from the boresight, within the exclusion angle of {exclusion}: \
+             the frame saturates"
         )
     } else {
         let scatters = scatters(area);
@@ -67,10 +73,10 @@ fn sun(scene: &Scene, area: &AreaLight) -> String {
 const NOTHING: &str = "nothing of it is scattered onto the detector";
 const NO_TABLE: &str = "the optics scatter no light (optics.stray.pst)";
 
-/// Number of patches of the Earth's disc, for 1 % of its veil.
+/// Number of patches of the Earth's disc, for an error of 1 %.
 const PATCHES: usize = 100;
-/// By how much the Sun overfills a pixel.
-const OVER: f64 = 4.0;
+/// Charge of a pixel with the Sun inside the exclusion angle, in full wells.
+const OVERFILL: f64 = 4.0;
 
 /// The same light on every pixel.
 #[derive(Debug)]
@@ -121,7 +127,7 @@ fn sunlight(_: &World, view: &View, _: &Surroundings) -> Found {
     if sun.excluded {
         let detector = &view.camera.detector;
         let full_e = detector.full_well_e.max(detector.converter_reach_e());
-        let e_s = OVER * full_e / view.exposure.duration_s;
+        let e_s = OVERFILL * full_e / view.exposure.duration_s;
         return Ok(Arc::new(Veil { e_s }));
     }
     if !view.camera.optics.stray.scatters() {

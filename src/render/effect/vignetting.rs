@@ -4,19 +4,21 @@
 //! N <- N V(angle),   V = cos^4(angle), or a table
 //! ```
 //!
-//! Reference: Born & Wolf, Principles of Optics, 4.8.3; `camera::vignetting` has the law and what
-//! is assumed. Each sample of a track has the transmission of its own field angle, so that
+//! Reference: Born & Wolf, Principles of Optics, 4.8.3; `camera::vignetting` has the law and its
+//! assumptions. Each sample of a track has the transmission of its own field angle, so that
 //! centroids and electrons are those of the light that passes.
-//! Validity: the spread of one image is dimmed as its middle is. Without it a source's light errs
-//! by what its own angle takes, and the centroid of a track of length L, whose light is between
-//! V_min and V_max, by the covariance of place and transmission over their mean, which Grüss 1935
-//! (Mathematische Zeitschrift 39, 215) bounds:
+//! Validity: one transmission for the whole of an image. Without the effect a source's light is off
+//! by its own loss, and the centroid of a track of length L is off by the covariance of position
+//! and transmission over their mean. With transmissions from V_min to V_max, Grüss 1935
+//! (Mathematische Zeitschrift 39, 215) bounds it:
 //!
 //! ```text
-//! d = int V (x - <x>) dt / int V dt <= L (V_max - V_min) / (4 V_min)     (a third of it where V is linear and the speed even)
+//! d = int V (x - <x>) dt / int V dt <= L (V_max - V_min) / (4 V_min)
 //! ```
 //!
-//! Price: a few products, or the arc tangent of a table, each time a track is looked at.
+//! (a third of it for a linear V and a constant speed).
+//!
+//! Price: a few products for each evaluation of a track; an arc tangent with a table.
 
 use super::cause::three_digits;
 use super::{Assessment, Effect, ErrorBound};
@@ -25,7 +27,7 @@ use crate::fidelity::Fidelity;
 use crate::scene::bounds::{
     BoundChange, areas_changed_e, areas_taken_e, changed_e, lines_of_sight,
 };
-use crate::scene::{Body, EffectId, EffectSet, Scene, Source, View, still_looks, work};
+use crate::scene::{Body, EffectId, EffectSet, Scene, Source, View, still_evaluations, work};
 
 /// The transmission off the boresight.
 pub const VIGNETTING: Effect = Effect::images(EffectId::Vignetting, "vignetting", assess, change);
@@ -51,14 +53,13 @@ fn assess(view: &View, simulated: &EffectSet, fidelity: &Fidelity) -> Assessment
     Assessment::new(
         because,
         ErrorBound { e, px },
-        looks(view, fidelity) * ns * 1e-6,
+        evaluations(view, fidelity) * ns * 1e-6,
     )
 }
 
-/// About the most (e-) that it changes a pixel's area light by, `part` (1) of which does not pass
-/// at most. The fourth power of the cosine has the pixel's solid angle in it, and of area light
-/// stands for that: without it pixels take their own again, from which a lens with distortion is
-/// further off than what passes tells.
+/// Estimate of the greatest change of a pixel's area light, e-; at most the fraction `part` of it
+/// does not pass. The cos^4 law includes the solid angle of a pixel. Without vignetting each pixel
+/// has its own solid angle, which a lens with distortion changes by more than `part`.
 fn areas_e(view: &View, simulated: &EffectSet, part: f64) -> f64 {
     if view.camera.optics.vignetting != Vignetting::Cos4 {
         return view.areas_peak_e() * part;
@@ -86,20 +87,20 @@ fn why_none(view: &View, simulated: &EffectSet) -> &'static str {
 }
 
 /// Number of evaluations of sources.
-fn looks(view: &View, fidelity: &Fidelity) -> f64 {
+fn evaluations(view: &View, fidelity: &Fidelity) -> f64 {
     let tracks = |seconds: f64| view.longest_track_px(seconds) > fidelity.skip_px;
     let (exposure_s, readout_s) = (view.exposure.duration_s, view.camera.readout_s());
     let moving = if tracks(exposure_s) {
-        work(view, exposure_s, fidelity).looks
+        work(view, exposure_s, fidelity).evaluations
     } else {
         0.0
     };
     let rolling = if tracks(readout_s / 2.0) {
-        work(view, view.open_s, fidelity).rolling_looks
+        work(view, view.open_s, fidelity).rolling_evaluations
     } else {
         0.0
     };
-    still_looks(view) + moving + rolling
+    still_evaluations(view) + moving + rolling
 }
 
 fn change(scene: &Scene, bound: &ErrorBound) -> ErrorBound {
@@ -113,21 +114,21 @@ fn change(scene: &Scene, bound: &ErrorBound) -> ErrorBound {
         })
     };
     let radius = |source: &Source| match &source.body {
-        Body::Wanderer(body) if body.elements.len() > 1 => body.angular_radius,
+        Body::Planet(body) if body.elements.len() > 1 => body.angular_radius,
         _ => 0.0,
     };
     let scale = scene.view.scale_and_corner_px.0;
     let off_px = scene.sources.iter().map(|source| {
         let [least, most] = if moves { passes(source) } else { [1.0, 1.0] };
-        // A tenth more, for what a track passes between.
+        // 10 % margin for positions between.
         let part = 1.1 * (most - least) / (4.0 * least.max(f64::MIN_POSITIVE));
-        // Of a disc of radius R across which the logarithm of the light changes by c, R c / 8; of a
-        // part of it, up to twice that.
+        // A disc of radius R across which the logarithm of the light changes by c: R c / 8; a part
+        // of the disc: up to twice that.
         let [_, seen, _] = seen(&source.body);
         let across = vignetting.change_across(&seen, radius(source));
         source.length_px() * part.min(1.0) + radius(source) * scale * (across / 4.0).min(1.0)
     });
-    // Without it there are the same images.
+    // The same images exist without the effect.
     let other = simulated.toggled(EffectId::Vignetting);
     let e = changed_e(
         scene,
@@ -136,7 +137,7 @@ fn change(scene: &Scene, bound: &ErrorBound) -> ErrorBound {
         |_| Some(0.0),
         |image| {
             let [least, _] = passes(image.source);
-            // Of the light that would arrive; a tenth more again.
+            // Relative to the light before the optics, with the same margin.
             let taken = 1.1 * (1.0 - least);
             let clear_e = if simulated.has(EffectId::Vignetting) {
                 (image.height_e() / least).min(image.still_e)
@@ -145,11 +146,11 @@ fn change(scene: &Scene, bound: &ErrorBound) -> ErrorBound {
             };
             BoundChange {
                 e: clear_e * taken.min(1.0),
-                beside_px: 0.0,
+                reach_px: 0.0,
             }
         },
     );
-    // Of area light that is so faint that it is skipped, all that it was asked for.
+    // Skipped vignetting: at least the bound of its assessment.
     let e = if simulated.has(EffectId::Vignetting) {
         e + areas_changed_e(scene, &other, 0.0)
     } else {

@@ -5,11 +5,13 @@
 //! L = E_zero 10^(-0.4 m) (180 / pi)^2 3600^2
 //! ```
 //!
-//! (Clark et al. 2021, Eq. (3), its exponent corrected) of the magnitude m a square arc second of
-//! the table of Levasseur-Regourd & Dumont 1980, smoothly interpolated (`sky::zodiacal`).
-//! Reference: Leinert et al. 1998 (A&AS 127, 1), Table 16. Validity: 10 %; the Sun's colour, the
-//! observer 1 au or so from the Sun; the Earth hides it, the Moon does not. Price: an evaluation of
-//! the table for each sampled place, and the passes over the pixels.
+//! (Clark et al. 2021, Eq. (3), its exponent corrected), with m the magnitude per square arc
+//! second, interpolated in the table of Levasseur-Regourd & Dumont 1980 (`sky::zodiacal`).
+//!
+//! Reference: Leinert et al. 1998 (A&AS 127, 1), Table 16.
+//! Validity: 10 %; the Sun's colour; the observer about 1 au from the Sun; the Earth hides it, the
+//! Moon does not.
+//! Price: an evaluation of the table for each sample, and the passes over the pixels.
 
 use super::Effect;
 use super::area::{assess, up_to};

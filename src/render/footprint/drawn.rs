@@ -5,17 +5,17 @@ use crate::camera::{Camera, LocalPsf};
 use crate::fidelity::Fidelity;
 use std::ops::Range;
 
-/// What of a source decides how its light is spread.
+/// Properties of a source that determine its spread.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Light {
-    /// Electrons that it gives at most: wide wings are drawn as far as they are seen.
+    /// Upper bound of its electrons: determines how far wide wings are drawn.
     pub electrons: f64,
     /// Mean wavelength in the band over the band's reference.
     pub wavelength_ratio: f64,
 }
 
 impl Default for Light {
-    /// So bright that all wings are drawn, of the Sun's colour.
+    /// All wings drawn, the Sun's colour.
     fn default() -> Self {
         Light {
             electrons: f64::INFINITY,
@@ -24,7 +24,7 @@ impl Default for Light {
     }
 }
 
-/// How the light of a point is drawn.
+/// The drawn square of a point.
 pub(super) struct Drawn<'a> {
     pub psf: LocalPsf<'a>,
     /// Columns and rows of pixels around it, on the unbounded plane.
@@ -46,7 +46,7 @@ impl Drawn<'_> {
         Drawn { psf, square, reach }
     }
 
-    /// Where the centre of `rest` must be for it and the `light` of all the square's pixels to be
+    /// The centre of `rest` for which `rest` and the `light` of the square's pixels are together
     /// centred on `at`.
     pub fn rest_around(&self, at: [f64; 2], rest: f64, light: &[f64]) -> [f64; 2] {
         let [columns, rows] = &self.square;
@@ -65,9 +65,9 @@ impl Drawn<'_> {
         [0, 1].map(|axis| at[axis] - moments[axis] / rest)
     }
 
-    /// A share for each of the square's pixels `i` along an axis, so that all make 1 and their
-    /// centre is at `centre`, as far as none is below 0:
-    /// `w_i = (1 + 12 (i - m) (centre - m) / (n^2 - 1)) / n` for `n` pixels around `m`.
+    /// A linear share for each of the square's pixels `i` along an axis. The sum is 1 and the
+    /// centroid `centre`, unless a share would be negative: `w_i = (1 + 12 (i - m) (centre - m) /
+    /// (n^2 - 1)) / n` for `n` pixels around `m`.
     pub fn even(&self, axis: usize, centre: [f64; 2]) -> impl Fn(i64) -> f64 {
         let Range { start, end } = self.square[axis];
         let (n, middle) = ((end - start) as f64, (start + end - 1) as f64 / 2.0);

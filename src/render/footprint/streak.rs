@@ -1,10 +1,9 @@
-//! The footprint of a streak whose light is spread by one Gaussian everywhere: a kernel adds its
-//! points to pixels.
+//! The footprint of a streak with one Gaussian spread: a kernel adds its samples to pixels.
 
-use super::{DOT_NS, Footprint, HELD_NS, LAID_NS, Light, Wings};
+use super::{DOT_NS, DOT_PIXEL_NS, Footprint, HELD_NS, Light, Wings};
 use crate::camera::Camera;
 use crate::fidelity::Fidelity;
-use crate::kernels::{self, BESIDE, Circle, Dot, Ends, ROWS, Real, Sheet, Span};
+use crate::kernels::{self, Circle, Dot, Ends, MAX_TILE_OFFSET, ROWS, Real, Sheet, Span};
 use crate::track::{Lit, Sample, Track};
 use skyloop_base::abort::WorkLimit;
 use skyloop_orbit::sgp4_batch::Level;
@@ -16,10 +15,10 @@ thread_local! {
     static ROOM: Cell<Room> = Cell::default();
 }
 
-/// Pixels that are copied together.
+/// Pixels copied together.
 const LANES: usize = 8;
-/// If no more than this share of the light may be lost, sums are in double precision: single
-/// precision errs by up to 3e-8.
+/// Below this tolerated loss of light, sums are in double precision: single precision errs by up to
+/// 3e-8.
 const LITTLE: f64 = 3e-7;
 
 /// Buffers for a streak.
@@ -45,8 +44,8 @@ struct Rows {
 }
 
 impl Footprint {
-    /// The footprint of a track of several points whose light all rows collect; none for other
-    /// tracks and spreads.
+    /// The footprint of a track of several samples with all rows open; none for other tracks and
+    /// spreads.
     pub(super) fn streak(
         limit: &WorkLimit,
         track: &Track,
@@ -74,9 +73,9 @@ impl Room {
     ) -> Option<Footprint> {
         let (single, double) = camera.optics.psf.lines()?;
         let radius = camera.optics.psf.circle_px(fidelity, light.electrons)?;
-        // Not a number: none.
-        let is_told = radius <= single.reach_px();
-        if track.samples.len() < 2 || !is_told {
+        // False for NaN.
+        let is_in_range = radius <= single.reach_px();
+        if track.samples.len() < 2 || !is_in_range {
             return None;
         }
         // Circles with centres in between touch the detector.
@@ -88,7 +87,7 @@ impl Room {
         let Room {
             dots,
             rows,
-            light: laid,
+            light: single_light,
         } = self;
         dots.clear();
         for Sample {
@@ -101,7 +100,7 @@ impl Room {
             if *lit != Lit::ALL || !parts.is_empty() {
                 return None;
             }
-            // Not a number: nowhere.
+            // False for NaN.
             let touches = |k: usize| at[k] >= low[k] && at[k] <= high[k];
             if touches(0) && touches(1) && weight.is_finite() {
                 dots.push(Dot::new(*at, *weight, radius));
@@ -109,7 +108,7 @@ impl Room {
         }
         let circle = Circle::new(radius);
         let side = circle.side as f64;
-        limit.spend(dots.len() as f64 * (DOT_NS + side * side * LAID_NS));
+        limit.spend(dots.len() as f64 * (DOT_NS + side * side * DOT_PIXEL_NS));
         if limit.is_over() {
             return Some(Footprint::default());
         }
@@ -120,12 +119,12 @@ impl Room {
         let footprint = if fidelity.bound(light.electrons) < LITTLE {
             let mut light = Vec::new();
             let mut sheet = rows.sheet(&mut light);
-            kernels::lay_dots_finely(level, double, &circle, dots, &mut sheet);
+            kernels::add_dots_f64(level, double, &circle, dots, &mut sheet);
             rows.cut(&light, sides)
         } else {
-            let mut sheet = rows.sheet(laid);
-            kernels::lay_dots(level, single, &circle, dots, &mut sheet);
-            rows.cut(laid, sides)
+            let mut sheet = rows.sheet(single_light);
+            kernels::add_dots(level, single, &circle, dots, &mut sheet);
+            rows.cut(single_light, sides)
         };
         limit.spend(footprint.shares.len() as f64 * HELD_NS);
         Some(Footprint {
@@ -161,13 +160,12 @@ impl Rows {
             past: &mut past[1..=count],
         };
         kernels::reach_dots(level, circle, dots, &mut ends);
-        // From where a row's tile begins, its circle is no further, nor is that of a row beside
-        // which its circle does not touch; tiles of dots that are drawn together begin before their
-        // own.
-        let before = circle.radius.ceil() as i32 + 1 + BESIDE as i32;
+        // A tile may begin so far before the columns that circles touch in its row or in a
+        // neighbouring row. The common tile of two dots begins before that of one of them.
+        let before = circle.radius.ceil() as i32 + 1 + MAX_TILE_OFFSET as i32;
         let wide = circle.wide() as i32 + 1;
         let mut pixels = 0;
-        // Rows of which none is reached have no tile either.
+        // Unreached rows have no tile.
         let near = low.windows(3).zip(past.windows(3)).take(span + circle.side);
         origins.clear();
         origins.extend(near.map(|(low, past)| {
@@ -206,7 +204,7 @@ impl Rows {
         let mut spans: Vec<Span> = Vec::with_capacity(to - from);
         spans.extend(ends.map(|(low, past)| {
             let column = (*low).clamp(0, width);
-            // Rows in between that no circle touches have none.
+            // Rows that no circle touches are empty.
             let length = (*past).min(width).saturating_sub(column).max(0) as u32;
             let offset = total;
             total += length;
@@ -224,12 +222,11 @@ impl Rows {
         spans.drain(..dark);
         let from = from + dark;
         let first_row = self.first + from as i32;
-        // Pixels are copied so many at a time, those beyond a row's last too: the next row takes
-        // their place.
+        // Copies whole chunks: the next row overwrites the pixels beyond a row's last.
         let mut shares: Vec<f32> = Vec::with_capacity(total as usize + LANES);
-        // Empty ranges have no place on the sheet.
-        let places = spans.iter().zip(&self.origins[from..]);
-        for (span, origin) in places.filter(|(span, _)| is_lit(span)) {
+        // Empty ranges are not on the sheet.
+        let lit_spans = spans.iter().zip(&self.origins[from..]);
+        for (span, origin) in lit_spans.filter(|(span, _)| is_lit(span)) {
             let from = (origin + span.column as i32) as u32 as usize;
             let whole = (span.length as usize).next_multiple_of(LANES);
             let light = light[from..from + whole].as_chunks::<LANES>().0;
@@ -238,7 +235,7 @@ impl Rows {
                 let mut lit = [0.0; LANES];
                 for (to, share) in lit.iter_mut().zip(light) {
                     let share = share.single();
-                    // Rounding may leave less than 0.
+                    // Rounding may give negative shares.
                     *to = if share > 0.0 { share } else { 0.0 };
                 }
                 shares.extend_from_slice(&lit);
@@ -259,7 +256,7 @@ mod tests {
     use super::*;
     use skyloop_base::load::Folder;
 
-    /// The pixels of some points' light, each a share of 1.
+    /// The pixels of some points, each with light 1.
     fn image(points: &[[f64; 2]]) -> Vec<f32> {
         let camera = Camera::load("fai-nir", &Folder::current()).unwrap();
         let samples = points.iter().map(|at| Sample {
@@ -288,20 +285,20 @@ mod tests {
     }
 
     #[test]
-    fn rows_without_light_lie_between_those_that_have_some() {
-        // X-Val: the detector ends at 255.5: of the middle point's circle only a part is on it, and
-        // rows beside that lie beyond; others are of no point.
-        for beside in [254.0, 256.0, 257.0, 258.5, 259.4] {
-            let points = [[128.0, 10.0], [beside, 40.0], [60.2, 70.0]];
+    fn streaks_leave_the_detector_and_return() {
+        // X-Val: the detector ends at 255.5, so only a part of the middle point's circle is on it,
+        // and some rows between the points are empty.
+        for column in [254.0, 256.0, 257.0, 258.5, 259.4] {
+            let points = [[128.0, 10.0], [column, 40.0], [60.2, 70.0]];
             let pixels = image(&points);
             // (A track of one point is none: each twice, at half the light.)
             let apart = points.map(|point| image(&[point, point]));
             for (i, pixel) in pixels.iter().enumerate() {
                 let sum: f32 = apart.iter().map(|one| one[i] / 2.0).sum();
-                assert!((pixel - sum).abs() < 1e-6, "{beside}: {pixel} {sum}");
+                assert!((pixel - sum).abs() < 1e-6, "{column}: {pixel} {sum}");
             }
             let all: f32 = pixels.iter().sum();
-            assert!((1.99..3.001).contains(&all), "{beside}: {all}");
+            assert!((1.99..3.001).contains(&all), "{column}: {all}");
         }
     }
 }

@@ -1,25 +1,25 @@
-//! Charge beyond the full well spills along its column: what a pixel cannot hold goes half up and
-//! half down, and on from there, until it finds room or leaves at the column's ends.
+//! Blooming: charge beyond the full well spills along its column. The surplus of a pixel moves half
+//! up and half down, and on from there, until it finds room or leaves at the column's ends.
 //!
 //! This is the divisible sandpile in one dimension (Levine and Peres 2009, Potential Analysis 30,
-//! 1): its end does not depend on the order of the spilling. With the surplus `s = charge - well`
-//! of each pixel and a curve of second difference `gamma'' = 2 s`, the charge that spilled over is
-//! the height of the curve's concave hull above it, and
+//! 1): its final state does not depend on the order of the steps. With the surplus `s = charge -
+//! well` of each pixel and a curve of second difference `gamma'' = 2 s`, the charge that spilled
+//! over is the height of the curve's concave hull above it, and
 //!
 //! ```text
 //! flow from pixel i to i + 1 = (gamma[i + 1] - gamma[i] - slope of the hull there) / 2
 //! ```
 //!
-//! Of a column of whole electrons whole electrons move, so that it keeps its charge exactly; a
-//! pixel may hold one more than the well. Of an expectation the parts move too. Validity: a CCD
+//! In a column of whole electrons, whole electrons move: charge is conserved exactly, and a pixel
+//! may hold one electron more than the well. In an expectation, fractions move too. Validity: a CCD
 //! without anti-blooming drains, whose channel stops hold better than its gates (Janesick 2001,
-//! Scientific Charge-Coupled Devices); the trail of charge-transfer loss is left out. Price: linear
-//! in the column's pixels.
+//! Scientific Charge-Coupled Devices); no charge-transfer loss. Price: linear in the column's
+//! pixels.
 
-/// What one column is computed in, kept from column to column.
+/// Buffers of one column, reused for the next.
 #[derive(Default)]
 pub struct Bloom {
-    /// The curve, with a place beyond each end of the column.
+    /// The curve, with one more position at each end of the column.
     gamma: Vec<f64>,
     /// Sum of the surplus up to each pixel, e-.
     surplus: Vec<f64>,
@@ -28,23 +28,22 @@ pub struct Bloom {
 }
 
 impl Bloom {
-    /// Spills what `column` (e-) holds above `well` (e-). Returns what left at the first and at the
-    /// last pixel, e-.
+    /// Spills the charge of `column` (e-) above `well` (e-). Returns the charge lost at the first
+    /// and the last pixel, e-.
     pub fn blooming(&mut self, column: &mut [f32], well: f64) -> [f64; 2] {
         if !column.iter().any(|e| f64::from(*e) > well) {
             return [0.0; 2];
         }
         self.build(column, well);
         let whole = column.iter().all(|e| e.fract() == 0.0);
-        // Across each edge of the hull one slope holds: flow into place i from the one before, by
-        // pixels from 0.
+        // The slope is constant along each edge of the hull: it gives the flow between neighbours.
         let (mut flow_in, mut ends) = (0.0, [0.0; 2]);
         let mut into = 0;
         for corner in self.hull.windows(2) {
             let (a, b) = (corner[0], corner[1]);
             let slope = (self.gamma[b] - self.gamma[a]) / (b - a) as f64;
             for position in a..b {
-                // Between place and place + 1; pixel i has place i + 1.
+                // Between position and position + 1; pixel i has position i + 1.
                 let flow = self.surplus[position] - slope / 2.0;
                 let flow = if whole { libm::round(flow) } else { flow };
                 if position == 0 {
@@ -99,13 +98,14 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    fn spilled(column: &[f32], well: f64) -> (Vec<f32>, [f64; 2]) {
+    fn bloomed(column: &[f32], well: f64) -> (Vec<f32>, [f64; 2]) {
         let mut column = column.to_vec();
         let ends = Bloom::default().blooming(&mut column, well);
         (column, ends)
     }
 
-    /// The slow way: every overfull pixel halves its surplus to its neighbours, until none has any.
+    /// Reference: each overfull pixel gives half of its surplus to each neighbour, until none is
+    /// overfull.
     fn toppled(column: &[f32], well: f64) -> (Vec<f64>, [f64; 2]) {
         let mut column: Vec<f64> = column.iter().map(|e| f64::from(*e)).collect();
         let (mut ends, last) = ([0.0; 2], column.len() - 1);
@@ -138,31 +138,31 @@ mod tests {
     fn a_bright_pixel_fills_its_neighbours_evenly() {
         let mut column = [0.0f32; 11];
         column[5] = 1000.0;
-        let (after, ends) = spilled(&column, 200.0);
+        let (after, ends) = bloomed(&column, 200.0);
         assert_eq!(ends, [0.0; 2]);
         assert_eq!(after[3..8], [200.0; 5]);
         assert_eq!(after[..3], [0.0; 3]);
         // At an end one half leaves.
         let mut column = [0.0f32; 11];
         column[0] = 300.0;
-        let (after, ends) = spilled(&column, 200.0);
+        let (after, ends) = bloomed(&column, 200.0);
         assert_eq!((after[0], after[1], ends), (200.0, 50.0, [50.0, 0.0]));
-        // Full throughout: all that is too much leaves, and what does not spill is not touched.
-        let (after, ends) = spilled(&[250.0; 40], 200.0);
+        // A full column loses all surplus; a column below the well is unchanged.
+        let (after, ends) = bloomed(&[250.0; 40], 200.0);
         assert_eq!((after, ends), (vec![200.0; 40], [1000.0; 2]));
         let below: Vec<f32> = (0..40).map(|i| 199.5 - i as f32).collect();
-        assert_eq!(spilled(&below, 200.0), (below.clone(), [0.0; 2]));
+        assert_eq!(bloomed(&below, 200.0), (below.clone(), [0.0; 2]));
     }
 
     proptest! {
         #[test]
-        fn charge_is_kept_and_the_order_does_not_matter(
+        fn blooming_conserves_charge_and_is_symmetric(
             column in prop::collection::vec(
                 prop_oneof![4 => 0u32..900, 1 => 900u32..1100, 1 => 1000u32..9000], 1..24),
         ) {
             let column: Vec<f32> = column.iter().map(|e| *e as f32).collect();
             let well = 1000.0;
-            let (after, ends) = spilled(&column, well);
+            let (after, ends) = bloomed(&column, well);
             let sum = |c: &[f32]| c.iter().map(|e| f64::from(*e)).sum::<f64>();
             prop_assert_eq!(sum(&after) + ends[0] + ends[1], sum(&column));
             prop_assert!(after.iter().all(|e| *e >= 0.0 && f64::from(*e) <= well + 1.0));
@@ -176,7 +176,7 @@ mod tests {
 
             let mut mirrored = column.clone();
             mirrored.reverse();
-            let (mut back, [last, first]) = spilled(&mirrored, well);
+            let (mut back, [last, first]) = bloomed(&mirrored, well);
             back.reverse();
             for (a, b) in after.iter().zip(&back) {
                 prop_assert!((a - b).abs() <= 1.0);

@@ -1,25 +1,25 @@
-//! The light between a point's middle and the corners of pixels, by a table of it.
+//! The light between a point's middle and the corners of pixels, interpolated in a table.
 
-/// Where a coordinate stands between the nodes of a table.
+/// The position of a coordinate between the nodes of a table.
 #[derive(Debug, Clone, Copy)]
 pub struct Place {
-    /// The first of four nodes.
+    /// Index of the first of four nodes.
     pub first: usize,
-    /// Theirs, cubic (Lagrange).
+    /// Cubic weights of the nodes (Lagrange).
     pub weights: [f64; 4],
 }
 
-/// A table of values at so many nodes each way, row by row.
+/// A square table of values at nodes, row by row.
 #[derive(Debug, Clone, Copy)]
 pub struct Nodes<'a> {
-    /// The values of each node, `side` a row.
+    /// The values at the nodes, `side` in each row.
     pub values: &'a [f64],
     /// Nodes of a row.
     pub side: usize,
 }
 
 impl<'a> Nodes<'a> {
-    /// The four rows around a place.
+    /// The four rows around a position.
     #[inline(always)]
     fn rows(&self, down: &Place) -> [&'a [f64]; 4] {
         let row = |k: usize| &self.values[(down.first + k) * self.side..][..self.side];
@@ -27,7 +27,7 @@ impl<'a> Nodes<'a> {
     }
 }
 
-/// What the table tells at each of `across` and one place down, `sum_jk w_j v_k F_jk`.
+/// Interpolates at each position of `across` and one position `down`: `sum_jk w_j v_k F_jk`.
 #[inline(always)]
 pub fn body(nodes: &Nodes<'_>, across: &[Place], down: &Place, line: &mut [f64]) {
     let rows = nodes.rows(down);
@@ -67,7 +67,7 @@ mod tests {
     use crate::kernels::table_line;
     use skyloop_orbit::sgp4_batch::Level;
 
-    /// Lagrange's weights of a place so far behind the first of four nodes.
+    /// Lagrange's weights of a position `t` after the first of four nodes.
     fn position(first: usize, t: f64) -> Place {
         let weight = |k: usize| {
             let others = (0..4).filter(|other| *other != k).map(|other| other as f64);
@@ -82,7 +82,7 @@ mod tests {
     }
 
     #[test]
-    fn all_levels_tell_the_same_of_a_table_and_follow_a_cubic() {
+    fn all_levels_agree_and_reproduce_a_cubic() {
         let cubic = |x: f64| 0.3 + x * (0.2 + x * (0.05 - 0.01 * x));
         let side = 12;
         let values: Vec<f64> = (0..side * side)

@@ -1,27 +1,28 @@
-//! Light of points along a streak, spread by a PSF that is a product of one line a coordinate.
+//! Light of points along a streak, with a PSF that is a product of a function of x and one of y.
 //!
-//! In single precision, which is what footprints keep, or for light so bright that the last digits
-//! of its sum are electrons in double. Places are told from a pixel near them, so that nothing is
-//! lost far from the detector's corner.
+//! In single precision, like footprints, or in double precision for light so bright that single
+//! precision would lose electrons. Positions are relative to a pixel near them, to keep precision
+//! far from the detector's corner.
 
 use super::lines::{Lines, SIDE};
 use super::real::Real;
 use std::ops::Range;
 
-/// Dots are drawn together where their tiles begin no more pixels apart.
-pub const BESIDE: usize = 1;
+/// Greatest distance of the tiles of two dots that are drawn together, px.
+pub const MAX_TILE_OFFSET: usize = 1;
+
 /// A point of a streak.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Dot {
     /// Column and row of the first pixel that its circle may reach.
     pub first: [i32; 2],
-    /// From the middle of that one to where it is, px.
+    /// Offset from the middle of that pixel, px.
     pub off: [f64; 2],
     /// Its light (1).
     pub light: f64,
 }
 
-/// How far the light of each dot is drawn: over the pixels that a circle touches.
+/// The circle over whose pixels each dot is drawn.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Circle {
     /// Its radius, px.
@@ -30,13 +31,12 @@ pub struct Circle {
     pub side: usize,
 }
 
-/// Where light is laid: rows of pixels one after another, each with room for all tiles that begin
-/// in it.
+/// The buffer for light: consecutive rows of pixels, each with room for all tiles in it.
 #[derive(Debug)]
 pub struct Sheet<'a, T> {
     /// The first row.
     pub first_row: i32,
-    /// Where the pixel of column 0 is in `light`, or would be, by row.
+    /// Index in `light` of the (possibly missing) pixel of column 0, by row.
     pub origins: &'a [i32],
     /// A value a pixel (1).
     pub light: &'a mut [T],
@@ -51,7 +51,7 @@ impl Circle {
         }
     }
 
-    /// Columns that a tile of such a dot is wide, or all its tiles together are.
+    /// Width of the tile of a dot, or of all its tiles together, px.
     pub fn wide(&self) -> usize {
         match self.side {
             0..=8 => 8,
@@ -64,7 +64,7 @@ impl Circle {
 impl Dot {
     /// A point at `at` (px) with a circle of `radius` (px), less than 2^31 px from pixel 0.
     pub fn new(at: [f64; 2], light: f64, radius: f64) -> Dot {
-        // (Calls of arrays' `map` would take a third of it all.)
+        // (Calls of arrays' `map` would take a third of the time.)
         let (column, first) = (at[0] - radius).nearest();
         let (row, top) = (at[1] - radius).nearest();
         Dot {
@@ -75,8 +75,7 @@ impl Dot {
     }
 }
 
-/// Dots whose light is drawn together: in tiles of the same pixels, each of which is read and
-/// written once.
+/// One or two dots drawn in a common tile, whose pixels are read and written once.
 struct Group<'a> {
     dots: &'a [Dot],
     /// The first column and row of their tiles.
@@ -86,8 +85,8 @@ struct Group<'a> {
 }
 
 impl<'a> Group<'a> {
-    /// The first of some dots, and the next one too where a tile of `L` columns and no more rows
-    /// takes both; none of no dots.
+    /// The first dot, with the second if both fit a tile of `L` columns and at most `L` rows; none
+    /// without dots.
     #[inline(always)]
     fn of<T: Real, const L: usize>(
         lines: &Lines<T>,
@@ -104,17 +103,17 @@ impl<'a> Group<'a> {
             return Some(group);
         };
         let (a, b) = (one.first, next.first);
-        let apart = [a[0].abs_diff(b[0]), a[1].abs_diff(b[1])].map(|pixels| pixels as usize);
-        let fits = circle.side + apart[0].max(apart[1]) <= L;
-        // Its tile begins up to so many pixels before a dot's own.
+        let distance = [a[0].abs_diff(b[0]), a[1].abs_diff(b[1])].map(|pixels| pixels as usize);
+        let fits = circle.side + distance[0].max(distance[1]) <= L;
+        // The common tile may begin one pixel before a dot's own.
         let reaches = lines.reach_px() >= f64::from(circle.radius) + 1.0;
-        if !(fits && reaches && apart[0].max(apart[1]) <= BESIDE) {
+        if !(fits && reaches && distance[0].max(distance[1]) <= MAX_TILE_OFFSET) {
             return Some(group);
         }
         Some(Group {
             dots: &dots[..2],
             first: [a[0].min(b[0]), a[1].min(b[1])],
-            rows: circle.side + apart[1],
+            rows: circle.side + distance[1],
         })
     }
 }
@@ -139,7 +138,7 @@ pub fn body<T: Real>(lines: &Lines<T>, circle: &Circle, dots: &[Dot], sheet: &mu
     }
 }
 
-/// That of dots whose tiles have `L` columns and no more rows.
+/// Adds dots whose tiles have `L` columns and at most `L` rows.
 #[inline(always)]
 fn groups<T: Real, const L: usize>(
     lines: &Lines<T>,
@@ -166,7 +165,7 @@ fn line<T: Real, const L: usize>(lines: &Lines<T>, dot: &Dot, first: [i32; 2], k
     lines.shares::<L>(dot.off[k], first[k] - dot.first[k])
 }
 
-/// That of two dots on the same pixels: of one, then of the other.
+/// Adds two dots to the same pixels: one, then the other.
 #[inline(always)]
 fn pair<T: Real, const L: usize>(
     lines: &Lines<T>,
@@ -175,29 +174,29 @@ fn pair<T: Real, const L: usize>(
     sheet: &mut Sheet<'_, T>,
 ) {
     let first = group.first;
-    let (mut down, mut later) = (
+    let (mut down, mut next_down) = (
         line::<T, L>(lines, one, first, 1),
         line::<T, L>(lines, next, first, 1),
     );
     let light = [T::of(one.light), T::of(next.light)];
     for i in 0..L {
         down[i] = down[i] * light[0];
-        later[i] = later[i] * light[1];
+        next_down[i] = next_down[i] * light[1];
     }
     let across = line::<T, L>(lines, one, first, 0);
-    let beside = line::<T, L>(lines, next, first, 0);
+    let next_across = line::<T, L>(lines, next, first, 0);
     let top = (first[1] - sheet.first_row) as u32 as usize;
     let origins = &sheet.origins[top..top + group.rows];
-    for ((origin, down), later) in origins.iter().zip(&down).zip(&later) {
+    for ((origin, down), next_down) in origins.iter().zip(&down).zip(&next_down) {
         let from = (origin + first[0]) as u32 as usize;
         let pixels = &mut sheet.light[from..from + L];
         for i in 0..L {
-            pixels[i] = beside[i].fused(*later, across[i].fused(*down, pixels[i]));
+            pixels[i] = next_across[i].fused(*next_down, across[i].fused(*down, pixels[i]));
         }
     }
 }
 
-/// That of one on `L` columns from `column` on and no more rows.
+/// Adds one dot on `L` columns from `column` on and at most `L` rows.
 #[inline(always)]
 fn tile<T: Real, const L: usize>(
     lines: &Lines<T>,
@@ -264,18 +263,16 @@ pub fn twin<T: Real>(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::kernels::{lay_dots, lay_dots_finely};
+    use crate::kernels::{add_dots, add_dots_f64};
     use skyloop_orbit::sgp4_batch::Level;
 
-    /// Pixels of a sheet's rows, and how many rows; around the pixels 0..64 and 0..50 there is room
-    /// for tiles.
+    /// Columns and rows of a sheet, with room for tiles around the pixels 0..64 and 0..50.
     const WIDE: i32 = 128;
     const HIGH: i32 = 90;
-    /// Where pixel 0 is.
+    /// First column and row.
     const FIRST: i32 = -16;
 
-    /// Shares that are polynomials of the place: a parabola of 41 pixels, the sums of which are
-    /// known.
+    /// Shares that are a parabola of the position, 41 pixels wide.
     fn parabolas<T: Real>() -> Lines<T> {
         // (1 - (j + 1/2 - f)^2 / 400) / 40 around f.
         Lines::new(7, 20, |j, f| {
@@ -297,7 +294,7 @@ mod tests {
         (0..40).map(dot).collect()
     }
 
-    fn laid<T: Real>(
+    fn rasterized<T: Real>(
         kernel: impl Fn(Option<Level>, &Lines<T>, &Circle, &[Dot], &mut Sheet<'_, T>),
         level: Option<Level>,
         radius: f64,
@@ -316,13 +313,13 @@ mod tests {
     }
 
     #[test]
-    fn all_levels_lay_the_same_bits() {
-        // Of one tile of each width, and of several.
+    fn all_levels_add_the_same_bits() {
+        // One tile of each width, and several tiles.
         for radius in [3.1, 4.9, 7.2, 14.3] {
             let dots = dots(radius);
             let bits = |level: Option<Level>| {
-                let single = laid(lay_dots, level, radius, &dots);
-                let double = laid(lay_dots_finely, level, radius, &dots);
+                let single = rasterized(add_dots, level, radius, &dots);
+                let double = rasterized(add_dots_f64, level, radius, &dots);
                 assert!(single.iter().sum::<f32>() > 10.0);
                 let double = double.into_iter().map(f64::to_bits);
                 let single = single.into_iter().map(|e| u64::from(e.to_bits()));
@@ -341,8 +338,8 @@ mod tests {
         for radius in [3.0, 5.2, 14.4] {
             let dot = Dot::new(at, 2.0, radius);
             let (side, wide) = (Circle::new(radius).side, Circle::new(radius).wide());
-            let single = laid(lay_dots, Some(Level::best()), radius, &[dot]);
-            let double = laid(lay_dots_finely, Some(Level::best()), radius, &[dot]);
+            let single = rasterized(add_dots, Some(Level::best()), radius, &[dot]);
+            let double = rasterized(add_dots_f64, Some(Level::best()), radius, &[dot]);
             for row in 0..50 {
                 for column in 0..64 {
                     // X-Val: the parabola itself, at the pixel's distance from the source.
@@ -355,7 +352,7 @@ mod tests {
                         0.0
                     };
                     let position = ((row - FIRST) * WIDE + column - FIRST) as usize;
-                    // What single and double precision tell of 2 / 40^2.
+                    // Resolution of single and double precision at 2 / 40^2.
                     let found = [
                         (f64::from(single[position]), 1e-9),
                         (double[position], 1e-17),
@@ -370,31 +367,33 @@ mod tests {
     }
 
     #[test]
-    fn dots_beside_one_another_are_laid_together_as_they_are_alone() {
+    fn dots_in_a_common_tile_equal_single_dots() {
         let radius = 4.9;
         let circle = Circle::new(radius);
-        for beside in [[0.9, -0.4], [-0.8, 0.7], [0.2, 0.1], [1.9, 0.0]] {
-            let ats = [[30.3, 24.9], [30.3 + beside[0], 24.9 + beside[1]]];
+        for offset in [[0.9, -0.4], [-0.8, 0.7], [0.2, 0.1], [1.9, 0.0]] {
+            let ats = [[30.3, 24.9], [30.3 + offset[0], 24.9 + offset[1]]];
             let dots = ats.map(|at| Dot::new(at, 2.0, radius));
             let group = Group::of::<f64, 12>(&parabolas(), &circle, &dots).unwrap();
-            assert_eq!(group.dots.len(), if beside[0] > 1.0 { 1 } else { 2 });
-            let laid = |dots: &[Dot]| laid(lay_dots_finely, Some(Level::best()), radius, dots);
-            let (both, alone) = (laid(&dots), dots.map(|dot| laid(&[dot])));
+            assert_eq!(group.dots.len(), if offset[0] > 1.0 { 1 } else { 2 });
+            let rasterized =
+                |dots: &[Dot]| rasterized(add_dots_f64, Some(Level::best()), radius, dots);
+            let (both, alone) = (rasterized(&dots), dots.map(|dot| rasterized(&[dot])));
             for (i, both) in both.iter().enumerate() {
                 let pixel = [FIRST + i as i32 % WIDE, FIRST + i as i32 / WIDE];
-                // On the squares around their circles; further out tiles begin and end elsewhere.
+                // On the squares around their circles; further out the tiles differ.
                 let is_on = |dot: &Dot| {
                     (0..2).all(|k| (0..circle.side as i32).contains(&(pixel[k] - dot.first[k])))
                 };
                 let [one, next] = alone.each_ref().map(|light| light[i]);
-                // X-Val: what each gives alone, within what double precision tells of 2 / 40^2.
+                // X-Val: the sum of both alone, within the resolution of double precision at 2 /
+                // 40^2.
                 let off = match dots.each_ref().map(is_on) {
                     [true, true] => (both - (one + next)).abs(),
                     [true, false] => one - both,
                     [false, true] => next - both,
                     [false, false] => 0.0,
                 };
-                assert!(off < 1e-17, "{beside:?} {pixel:?} {off}");
+                assert!(off < 1e-17, "{offset:?} {pixel:?} {off}");
             }
         }
     }

@@ -1,15 +1,15 @@
-//! The columns of each row that are lit by points along a streak: those that their circles touch.
+//! The columns of each row that the circles of a streak's points touch.
 
 use super::dots::{Circle, Dot};
 use super::real::Real;
 
-/// Rows whose ends are computed side by side.
+/// Rows whose ends are computed in parallel lanes.
 pub const ROWS: usize = 16;
-/// Nothing reaches so far, px.
+/// Beyond every circle, px.
 const BEYOND_PX: f32 = 1e6;
 
-/// The columns of each row that the dots' circles touch, from `low` up to `past`; where they touch
-/// none, `low` is the greater. There are rows for [`ROWS`] at a time.
+/// The columns of each row that the dots' circles touch, from `low` up to `past`; `low` is greater
+/// in untouched rows. The number of rows allows blocks of [`ROWS`].
 #[derive(Debug)]
 pub struct Ends<'a> {
     /// The first row.
@@ -46,8 +46,8 @@ pub fn ends_body(circle: &Circle, dots: &[Dot], ends: &mut Ends<'_>) {
     }
 }
 
-/// The columns that the circle of a dot touches in a row whose middle is `away` (px) from it: from
-/// the first up to the other; where it touches none, the first is far beyond.
+/// The range of columns that the circle of a dot touches in a row whose middle is `away` (px) from
+/// the dot; far beyond the circle if it touches none.
 ///
 /// ```text
 /// x -+ (r^2 - d^2)^(1/2),   d = max(|away| - 1/2, 0)
@@ -56,7 +56,7 @@ pub fn ends_body(circle: &Circle, dots: &[Dot], ends: &mut Ends<'_>) {
 fn columns(dot: &Dot, away: f32, squared: f32) -> [i32; 2] {
     let d = (away.abs() - 0.5).max(0.0);
     let rest = f32::mul_add(-d, d, squared);
-    // Roots of all, so that lanes run side by side.
+    // Roots of all lanes, without a branch.
     let none = if rest > 0.0 { 0.0 } else { BEYOND_PX };
     let half = rest.max(0.0).sqrt() - none;
     let x = dot.off[0] as f32;
@@ -87,7 +87,7 @@ mod tests {
     use crate::kernels::reach_dots;
     use skyloop_orbit::sgp4_batch::Level;
 
-    /// Rows, from which on: around the rows 0..50 there is room for circles.
+    /// Number of rows and first row, with room for circles around the rows 0..50.
     const HIGH: i32 = 90;
     const FIRST: i32 = -16;
 
@@ -125,19 +125,19 @@ mod tests {
     }
 
     #[test]
-    fn the_ends_of_rows_are_those_of_the_pixels_that_circles_touch() {
+    fn ends_agree_with_touched_pixels() {
         for radius in [0.2, 3.0, 5.2, 11.7] {
             for at in [[30.3, 24.9], [29.5, 25.5], [40.07, 17.61]] {
                 let [low, past] = ends(Some(Level::best()), radius, &[Dot::new(at, 1.0, radius)]);
                 for row in FIRST..FIRST + HIGH {
-                    // X-Val: pixel by pixel, the nearest place of its square.
+                    // X-Val: pixel by pixel, the nearest point of its square.
                     let away = |i: i32, at: f64| ((f64::from(i) - at).abs() - 0.5).max(0.0);
                     let is_touched =
                         |i: &i32| away(*i, at[0]).hypot(away(row, at[1])) < radius - 1e-5;
                     let i = (row - FIRST) as usize;
                     let found: Vec<i32> = (low[i]..past[i].max(low[i])).collect();
                     let touched: Vec<i32> = (0..100).filter(is_touched).collect();
-                    // Pixels whose edge or corner it meets may be told as touched.
+                    // Pixels touched only at an edge or a corner may count.
                     let more = found.len() - touched.len();
                     assert!(touched.iter().all(|pixel| found.contains(pixel)));
                     let meets = [at[0] - radius, at[0] + radius]

@@ -1,13 +1,13 @@
-//! Light of sources on pixels: adding it, and what it is worth among noise.
+//! Light of sources on pixels: adding it, and its signal-to-noise ratio.
 
-/// Pixels that are computed side by side.
+/// Pixels computed in parallel lanes.
 const WIDE: usize = 8;
-/// Pixels whose signals are added up in single precision.
+/// Pixels of a sum in single precision.
 const FEW: usize = 256;
-/// Light (e-) that counts for nothing: its square is near what is too small for single precision.
+/// Light (e-) that counts as none: its square is close to the smallest number of single precision.
 const MIN_E: f32 = 1e-15;
 
-/// What counts of the last of such, and what does not: a product instead of jumps.
+/// Factors of the last lanes: 1 within a row, 0 beyond it. A product avoids branches.
 const COUNTS: [f32; 2 * WIDE] = {
     let mut counts = [0.0; 2 * WIDE];
     let mut i = 0;
@@ -18,33 +18,33 @@ const COUNTS: [f32; 2 * WIDE] = {
     counts
 };
 
-/// One row's pixels of what lights some.
+/// The pixels of a footprint in one row.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Span {
-    /// The first.
+    /// First column.
     pub column: u32,
-    /// Where its share is among all.
+    /// Index of the first share.
     pub offset: u32,
-    /// How many.
+    /// Number of pixels.
     pub length: u32,
 }
 
-/// How charge is read.
+/// Properties of the readout.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Reading {
-    /// By what part a full pixel's charge is read too low (1).
+    /// Non-linearity: the missing share of a full pixel's signal (1).
     pub bend: f64,
-    /// The inverse of a full pixel's charge, 1/e-.
+    /// Inverse of the full well, 1/e-.
     pub part_of_full: f64,
     /// Whether charge has shot noise: 1 or 0.
-    pub exposed: f64,
-    /// Variance beside the charge's own, e-^2; above 0.
+    pub shot_noise: f64,
+    /// Variance without shot noise, e-^2; above 0.
     pub floor: f64,
-    /// Charge from which a pixel shows no more, e-.
+    /// Saturation charge, e-.
     pub full_e: f64,
 }
 
-/// The same in single precision, and the light that is read.
+/// [`Reading`] in single precision, and the light of the source.
 #[derive(Debug, Clone, Copy)]
 struct Single {
     electrons: f32,
@@ -58,9 +58,9 @@ struct Single {
 impl Single {
     #[inline(always)]
     fn of(reading: &Reading, electrons: f64) -> Single {
-        // More than any pixel holds, and its products are numbers.
+        // More than any pixel holds, with finite products.
         const MAX_E: f64 = 1e30;
-        // Of so little no share counts, and products with it would be below the smallest number.
+        // Too faint for any pixel; products would be subnormal.
         let counts = electrons > f64::from(MIN_E);
         Single {
             electrons: if counts {
@@ -70,29 +70,29 @@ impl Single {
             },
             bend: reading.bend as f32,
             part_of_full: reading.part_of_full as f32,
-            shot: reading.exposed as f32,
+            shot: reading.shot_noise as f32,
             floor: reading.floor as f32,
             full_e: reading.full_e.min(MAX_E) as f32,
         }
     }
 
-    /// What a pixel that holds a share of the light, s, beside `b` (e-) adds to the square of the
-    /// ratio:
+    /// The term of a pixel with light s and background b (e-) in the square of the ratio:
     ///
     /// ```text
-    /// (c(s + b) - c(b))^2 / (c'(s + b)^2 (s + b) + floor),   c(e) = e (1 - bend p(e)),   p(e) = min(e / full, 1)
+    /// (c(s + b) - c(b))^2 / (c'(s + b)^2 (s + b) + floor)
+    /// c(e) = e (1 - bend p(e)),   p(e) = min(e / full, 1)
     /// c(s + b) - c(b) = s (1 - bend p(s + b)) - b bend min(s / full, 1 - p(b))
     /// ```
     #[inline(always)]
     fn term(&self, share: f32, b: f32) -> f32 {
         let s = self.electrons * share;
         let held = s + b;
-        let whole = self.bend * least(held * self.part_of_full, 1.0);
-        let rest = 1.0 - least(b * self.part_of_full, 1.0);
-        let signal = s * (1.0 - whole) - b * self.bend * least(s * self.part_of_full, rest);
+        let whole = self.bend * min(held * self.part_of_full, 1.0);
+        let rest = 1.0 - min(b * self.part_of_full, 1.0);
+        let signal = s * (1.0 - whole) - b * self.bend * min(s * self.part_of_full, rest);
         let slope = 1.0 - 2.0 * whole;
         let variance = slope * slope * self.shot * held + self.floor;
-        // Not by a jump around the division, which keeps lanes from running side by side.
+        // No branch around the division: it would prevent vectorization.
         let shows = (s > MIN_E) & (held < self.full_e);
         let signal = if shows { signal } else { 0.0 };
         signal * signal / variance
@@ -100,11 +100,11 @@ impl Single {
 }
 
 #[inline(always)]
-fn least(a: f32, b: f32) -> f32 {
+fn min(a: f32, b: f32) -> f32 {
     if a < b { a } else { b }
 }
 
-/// Nothing is added to the pixels behind a row's last, whichever they are.
+/// Lanes beyond the end of a span add 0.
 #[inline(always)]
 pub fn light_body(
     electrons: f32,
@@ -239,11 +239,11 @@ mod tests {
         let reading = Reading {
             bend: 0.03,
             part_of_full: 1e-4,
-            exposed: 1.0,
+            shot_noise: 1.0,
             floor: 20.0,
             full_e: 9_000.0,
         };
-        // Not a multiple of what is computed side by side.
+        // Not a multiple of the lanes.
         let shares: Vec<f32> = (0..403).map(|i| (i % 37) as f32 * 1e-3).collect();
         let background: Vec<f32> = (0..403).map(|i| (i % 11) as f32 * 30.0).collect();
         let sum = |level: Option<Level>| {

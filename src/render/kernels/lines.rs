@@ -1,34 +1,34 @@
-//! What pixels in a line collect of a point's light, by the place of the point.
+//! The shares of a point's light on pixels in a line, by the position of the point.
 
 use super::real::Real;
 
-/// Pixels of a tile's side: the most that is computed at a time.
+/// Greatest side of a tile, px.
 pub const SIDE: usize = 16;
-/// Powers of the series of a share in the place of the source, from 0 on.
+/// Terms of the power series of a share in the position of the source.
 const POWERS: usize = 4;
-/// Shares below are none: products of two stay far from what is too small for single precision.
+/// Smaller shares are 0: products of two stay far above subnormal numbers.
 const MIN: f64 = 1e-15;
 
-/// The shares of pixels in a line, by where in a pixel the source is: around each of the nodes a
-/// series.
+/// The shares of pixels in a line, as a power series around nodes of the source's position in its
+/// pixel.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Lines<T> {
     /// Nodes a pixel.
     nodes: T,
-    /// How far they are apart, px.
+    /// Distance of the nodes, px.
     node_px: T,
     /// Pixels on each side of the source's own.
     reach: i32,
-    /// Terms of a power, one a pixel; so many that a tile may be taken anywhere.
+    /// Number of terms of a power: one for each pixel, with room for a tile at any position.
     stride: usize,
     /// By node, by power.
     terms: Vec<T>,
 }
 
 impl<T: Real> Lines<T> {
-    /// With so many `nodes` a pixel, for sources up to `reach` pixels away. `terms` gives, for a
-    /// pixel so many pixels from the source's own and a source so far (0..1, px) above that one's
-    /// lower edge, Taylor's series of its share in that place.
+    /// With `nodes` in each pixel, for pixels up to `reach` from the source's own. `terms` gives
+    /// the Taylor series of a pixel's share, from the pixel's offset and the source's position
+    /// (0..1, px) above the lower edge of its own pixel.
     pub fn new(nodes: usize, reach: usize, terms: impl Fn(i64, f64) -> [f64; POWERS]) -> Lines<T> {
         let pixels = 2 * reach + 1;
         let stride = pixels + SIDE;
@@ -54,13 +54,13 @@ impl<T: Real> Lines<T> {
         }
     }
 
-    /// How far (px) they reach around any source.
+    /// Reach around any source, px.
     pub fn reach_px(&self) -> f64 {
         f64::from(self.reach) - 1.0
     }
 
-    /// The shares of `L` pixels from `first` on of the light of a source that is `off` (px) from
-    /// the middle of pixel 0.
+    /// The shares of `L` pixels from `first` on, for a source `off` (px) from the middle of pixel
+    /// 0.
     #[inline(always)]
     pub fn shares<const L: usize>(&self, off: f64, first: i32) -> [T; L] {
         let off = T::of(off);

@@ -1,11 +1,11 @@
 //! Pixels of 12 bits, packed for the wire.
 
-/// Pixels that are packed at a time, and their octets.
+/// Pixels packed at a time, and their bytes.
 const PIXELS: usize = 8;
 const BYTES: usize = 12;
 
 /// Packs pixels of 12 bits, first bit first (`AAAAAAAA AAAABBBB BBBBBBBB`), an odd last one into
-/// two octets: four pixels are one number of 48 bits.
+/// two bytes. Four pixels are one number of 48 bits.
 #[inline(always)]
 pub fn body(pixels: &[u16], bytes: &mut [u8]) {
     let (blocks, rest) = pixels.as_chunks::<PIXELS>();
@@ -17,7 +17,7 @@ pub fn body(pixels: &[u16], bytes: &mut [u8]) {
         }
         let four = |i: usize| (u64::from(pairs[i]) << 24 | u64::from(pairs[i + 1])) << 16;
         let [first, second] = [four(0).to_be_bytes(), four(2).to_be_bytes()];
-        // The first's two last octets are none: the second takes their place.
+        // The last two bytes of the first are unused: the second overwrites them.
         bytes[..8].copy_from_slice(&first);
         bytes[6..].copy_from_slice(&second[..6]);
     }
@@ -27,10 +27,10 @@ pub fn body(pixels: &[u16], bytes: &mut [u8]) {
 /// The same, pair by pair.
 #[inline(always)]
 pub fn twin(pixels: &[u16], bytes: &mut [u8]) {
-    for (octets, pair) in bytes.chunks_mut(3).zip(pixels.chunks(2)) {
+    for (triple, pair) in bytes.chunks_mut(3).zip(pixels.chunks(2)) {
         let [a, b] = [pair[0], pair.get(1).copied().unwrap_or_default()];
         let packed = [(a >> 4) as u8, (a << 4 | b >> 8) as u8, b as u8];
-        for (byte, packed) in octets.iter_mut().zip(packed) {
+        for (byte, packed) in triple.iter_mut().zip(packed) {
             *byte = packed;
         }
     }

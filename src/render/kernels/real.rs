@@ -1,4 +1,4 @@
-//! What kernels ask of a number, be it in single or in double precision.
+//! Numbers of kernels, in single or double precision.
 
 use std::ops::{Add, Mul, Neg, Sub};
 
@@ -12,14 +12,14 @@ pub trait Real:
     + Add<Output = Self>
     + Sub<Output = Self>
 {
-    /// The nearest to one in double precision.
+    /// Rounded from double precision.
     fn of(x: f64) -> Self;
     /// In single precision.
     fn single(self) -> f32;
     /// `self a + b`, rounded once.
     fn fused(self, a: Self, b: Self) -> Self;
-    /// The whole number nearest to one of less than 2^22: the last digits of a sum with 1.5 times a
-    /// great power of two, without the calls and jumps that `round` and `as` take.
+    /// The nearest integer, for magnitudes below 2^22. It is in the last bits of a sum with 1.5
+    /// times a large power of two, without the calls and branches of `round` and `as`.
     fn nearest(self) -> (i32, Self);
 }
 

@@ -1,21 +1,21 @@
-//! Poisson draws of small means, side by side: a step of the search is taken by all of a few
-//! pixels, until the last of them is done.
+//! Poisson draws of small means in vector lanes: all pixels of a group take each step of the
+//! search, until the last has its result.
 //!
-//! A search in double precision draws what the twin draws, `rng::poisson`. In single precision,
-//! with twice as many lanes and a shorter series, nearly all words draw the same: those that lie
-//! farther than [`poisson::UNSURE`] from each step of the cumulative distribution. Where one does
-//! not, its few are searched again.
+//! A search in double precision agrees with the twin, `rng::poisson`. Single precision has twice as
+//! many lanes and a shorter series. It agrees too, if a word is farther than [`poisson::UNSURE`]
+//! from each step of the cumulative distribution. Otherwise the group is searched again in double
+//! precision.
 
 use skyloop_base::rng::normal::{uniform_of, uniform_quickly};
 use skyloop_base::rng::poisson::{self, SEARCHED};
 
-/// Pixels that a kernel works on at a time: they stay in the first-level cache.
+/// Pixels of a block: they stay in the first-level cache.
 pub(super) const BLOCK: usize = 256;
 
-/// Means that are searched side by side.
+/// Means searched in parallel lanes.
 const LANES: usize = 32;
 
-/// The draws of means below 16; of others, anything.
+/// The draws of means below 16; undefined for others.
 #[inline(always)]
 pub(super) fn search(means: &[f32; BLOCK], words: &[u32; BLOCK], draws: &mut [f32; BLOCK]) {
     let (words, draws) = (words.as_chunks().0, draws.as_chunks_mut().0);
@@ -27,8 +27,7 @@ pub(super) fn search(means: &[f32; BLOCK], words: &[u32; BLOCK], draws: &mut [f3
     }
 }
 
-/// The draws in single precision, for as many steps as the last of them takes; whether they are
-/// sure.
+/// The draws in single precision; returns whether all are certain.
 #[inline(always)]
 fn search_quickly(means: &[f32; LANES], words: &[u32; LANES], draws: &mut [f32; LANES]) -> bool {
     let [mut mean, mut probability, mut left] = [[0.0; LANES]; 3];
@@ -38,8 +37,8 @@ fn search_quickly(means: &[f32; LANES], words: &[u32; LANES], draws: &mut [f32; 
         probability[i] = poisson::none_quickly(mean[i]);
         left[i] = uniform_quickly(words[i]);
     }
-    // Steps, and those of them that are not passed: where less than nothing is left the sign's bit
-    // is set. A sum that is checked is not made side by side.
+    // The number of steps, and of steps beyond the draw: these have a negative rest, with the sign
+    // bit set. Wrapping sums vectorize; checked sums do not.
     let (mut k, mut beyond) = (0, [0_u32; LANES]);
     for two in poisson::INVERSE_QUICKLY.as_chunks::<2>().0 {
         for inverse in two {
@@ -68,7 +67,7 @@ fn search_quickly(means: &[f32; LANES], words: &[u32; LANES], draws: &mut [f32; 
     nearest.iter().map(near).fold(0, |any, near| any | near) == 0
 }
 
-/// The draws as the twin makes them.
+/// The draws in double precision, like the twin.
 #[inline(always)]
 fn search_finely(means: &[f32; LANES], words: &[u32; LANES], draws: &mut [f32; LANES]) {
     let [mut mean, mut u, mut probability, mut cumulative, mut k] = [[0.0; LANES]; 5];
@@ -101,8 +100,8 @@ mod tests {
     use super::*;
     use skyloop_base::rng::poisson::Switch;
 
-    /// Words on both sides of each step of the distribution, from next to it to far beyond where
-    /// single precision is sure, and at the ends of all words.
+    /// Words on both sides of each step of the distribution, from adjacent ones to those where
+    /// single precision is certain, and the extreme words.
     fn words(mean: f32) -> Vec<u32> {
         let mut words = vec![0, 1, 0x7FFF_FFFF, 0x8000_0000, u32::MAX];
         let (mean, all) = (f64::from(mean), 4_294_967_296.0);
@@ -112,7 +111,7 @@ mod tests {
             for away in [0.0, 1.0, 3e2, 1e4, 4e4, 4.4e4, 1e5, 1e6] {
                 for position in [cumulative * all - away, cumulative * all + away] {
                     let position = position.clamp(0.0, all - 1.0) as u32;
-                    // The upper half counts from its end.
+                    // The upper half counts down.
                     words.push(if position >> 31 == 0 {
                         position
                     } else {
@@ -127,7 +126,7 @@ mod tests {
     }
 
     #[test]
-    fn words_near_a_step_draw_what_they_draw_alone() {
+    fn words_near_a_step_agree_with_single_draws() {
         let (mut sure, mut unsure) = (0, 0);
         for i in 0..1600 {
             let mean = (i as f32 + 0.37) * 0.01;
@@ -155,9 +154,9 @@ mod tests {
         assert!(sure > 100_000 && unsure > 100_000);
     }
 
-    /// What a search in single precision errs by, against the half of it that is allowed for.
+    /// The error of single precision is below half of [`poisson::UNSURE`].
     #[test]
-    fn single_precision_is_nearer_than_what_is_unsure() {
+    fn single_precision_errs_by_less_than_the_margin() {
         for i in 0..1600 {
             let mean = (i as f32 + 0.37) * 0.01;
             let (mut quick, mut fine) = (poisson::none_quickly(mean), poisson::none(mean.into()));

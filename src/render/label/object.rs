@@ -123,7 +123,7 @@ pub fn object(source: &Source, scene: &Scene, world: &World) -> ObjectLabel {
                 Some(rso_label(seen)),
             )
         }
-        Body::Wanderer(seen) => (
+        Body::Planet(seen) => (
             seen.kind(),
             seen.name.to_string(),
             Vec::new(),
@@ -133,7 +133,7 @@ pub fn object(source: &Source, scene: &Scene, world: &World) -> ObjectLabel {
         ),
     };
     let planet = match &source.body {
-        Body::Wanderer(seen) => Some(PlanetLabel::new(seen, source, scene)),
+        Body::Planet(seen) => Some(PlanetLabel::new(seen, source, scene)),
         Body::Star(_) | Body::Rso(_) => None,
     };
     let [ra_deg, dec_deg] = ra_dec_deg(&direction);

@@ -1,28 +1,30 @@
-//! Where pixels fill up, and where charge spills.
+//! Columns in which pixels fill up and charge blooms.
 //!
-//! Of charge q >= 0 added to a column, a pixel shows its own, and what full neighbours pass on. A
-//! full run of pixels passes on no more than was added to it. With n full pixels of full well W:
+//! If charge q >= 0 is added to a column, a pixel gains its own part and the overflow of full
+//! neighbours. A run of full pixels passes on no more than was added to it. With n full pixels of
+//! full well W:
 //!
 //! ```text
 //! change <= min(W + 1, q own + sum of q over n pixels),   n <= charge of the column / W
 //! ```
 //!
-//! It is monotonic: the same bounds what is removed, and the greater of both bounds a mixture.
+//! The bound is monotonic. It also holds for removed charge; for a mixture of both take the
+//! greater.
 
 use super::effect_set::EffectId;
 use crate::camera::Detector;
 
-/// What fills up and spills.
+/// The columns that may saturate.
 #[derive(Debug, Default)]
 pub struct BloomingColumns {
-    /// The most that a pixel holds, e-.
+    /// The most charge that a pixel holds, e-.
     pub most_e: f64,
-    /// The columns in which a pixel may fill up, with noise and particles, and those that share a
-    /// cell with them (`bounds::cells`); sorted.
+    /// The columns in which a pixel may fill up, with noise and particles, and all columns of the
+    /// same cells (`bounds::cells`); sorted.
     pub columns: Vec<usize>,
-    /// Whether their charge spills, or is lost.
+    /// Whether their excess charge blooms; else it is lost.
     pub along: bool,
-    /// The brightest area source that alone fills every pixel, if any does.
+    /// The brightest area source that alone fills every pixel, if any.
     pub flood: Option<EffectId>,
 }
 
@@ -32,18 +34,18 @@ impl BloomingColumns {
         self.columns.binary_search(&column).is_ok()
     }
 
-    /// Whether charge may spill along a column.
+    /// Whether charge may bloom along a column.
     pub fn spills(&self) -> bool {
         self.along && !self.columns.is_empty()
     }
 }
 
-/// Light so far over the full well that shot noise brings no pixel below it, e-.
+/// Light that fills every pixel in spite of shot noise, e-.
 pub fn flooding_e(detector: &Detector) -> f64 {
     2.0 * detector.full_well_e + 100.0
 }
 
-/// Bound of the charge drawn from an expectation, e-: ten sigma and ten electrons more.
+/// Bound of the charge drawn from an expectation, e-: plus ten sigma and ten electrons.
 pub fn drawn_e(expected_e: f64) -> f64 {
     expected_e + 10.0 * expected_e.sqrt() + 10.0
 }

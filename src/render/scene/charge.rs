@@ -1,4 +1,4 @@
-//! The charge that single pixels and whole columns expect.
+//! Expected charge of single pixels and whole columns.
 
 use super::area::area_light::AreaLight;
 use super::area::light::Light;
@@ -10,18 +10,18 @@ use super::transfer_smear;
 use crate::camera::Detector;
 use rayon::prelude::*;
 
-/// Pixels whose charge is computed together: a cancelled frame ends before the next.
-const TOGETHER: usize = 1 << 15;
-/// Pixels of columns that are computed together: a core's cache holds them.
-const COLUMNS_TOGETHER: usize = 1 << 18;
-/// Few columns are computed in this many groups.
+/// Pixels computed between two checks for cancellation.
+const CHUNK_PIXELS: usize = 1 << 15;
+/// Pixels of a group of columns: they fit a core's cache.
+const GROUP_PIXELS: usize = 1 << 18;
+/// Number of groups, if columns are few.
 const GROUPS: usize = 8;
 
 /// The expected charge of `pixels` (sorted row-major indices): light and dark charge, e-. Empty
 /// once the frame is cancelled.
 pub fn expected_e(scene: &Scene, pixels: &[u32]) -> Vec<f64> {
     let groups = pixels
-        .par_chunks(TOGETHER)
+        .par_chunks(CHUNK_PIXELS)
         .filter(|_| !scene.is_cancelled());
     let charge: Vec<Vec<f64>> = groups.map(|pixels| expected_of(scene, pixels)).collect();
     if scene.is_cancelled() {
@@ -87,24 +87,24 @@ pub fn columns_e(scene: &Scene, columns: &[usize], parts: &EffectSet) -> Vec<f64
 /// `parts`, e-.
 pub fn light_e(scene: &Scene, columns: &[usize], parts: &EffectSet) -> Vec<f64> {
     let spilling = &scene.blooming.columns;
-    let places = columns
+    let positions = columns
         .iter()
         .map(|column| spilling.binary_search(column).ok());
-    let Some(places) = places.collect::<Option<Vec<usize>>>() else {
+    let Some(positions) = positions.collect::<Option<Vec<usize>>>() else {
         let sources = sources_if(scene, |source| parts.has(source.body.effect()));
         return light_of(scene, columns, &sources, &scene.area_lights(parts));
     };
-    // The whole was computed once; the effects that are left out are subtracted.
+    // The total was computed once; the light of effects that are left out is subtracted.
     let all = &scene.spilling_e;
     let height = scene.view.camera.detector.height;
     let column = |position: usize| all.get(position).into_iter().flatten().copied();
-    let mut light: Vec<f64> = places.into_iter().flat_map(column).collect();
+    let mut light: Vec<f64> = positions.into_iter().flat_map(column).collect();
     light.resize(columns.len() * height, 0.0);
     let sources = sources_if(scene, |source| !parts.has(source.body.effect()));
     let areas = area_lights_without(scene, parts);
     if !sources.is_empty() || !areas.is_empty() {
         let less = light_of(scene, columns, &sources, &areas);
-        // Rounding must not leave less than nothing.
+        // Rounding must not give negative light.
         let both = light.iter_mut().zip(less);
         both.for_each(|(e, less)| *e = (*e - less).max(0.0));
     }
@@ -123,8 +123,8 @@ pub fn spilling_e(scene: &Scene) -> Vec<Vec<f64>> {
     groups.into_iter().flatten().collect()
 }
 
-fn sources_if(scene: &Scene, is_asked: impl Fn(&Source) -> bool) -> Vec<Lit<'_>> {
-    let sources = scene.sources.iter().filter(|source| is_asked(source));
+fn sources_if(scene: &Scene, is_included: impl Fn(&Source) -> bool) -> Vec<Lit<'_>> {
+    let sources = scene.sources.iter().filter(|source| is_included(source));
     sources.map(Lit::from).collect()
 }
 
@@ -135,8 +135,8 @@ fn light_of(scene: &Scene, columns: &[usize], sources: &[Lit<'_>], areas: &[&Lig
     for lit in sources {
         for (row, first, shares) in lit.footprint.rows(0..height) {
             let from = columns.partition_point(|column| *column < first);
-            let here = columns[from..].iter().zip(from..);
-            for (column, i) in here.take_while(|(column, _)| **column < first + shares.len()) {
+            let touched = columns[from..].iter().zip(from..);
+            for (column, i) in touched.take_while(|(column, _)| **column < first + shares.len()) {
                 let share = f64::from(shares[*column - first]);
                 light[i * height + row] += lit.electrons * share;
             }
@@ -157,8 +157,8 @@ fn light_of(scene: &Scene, columns: &[usize], sources: &[Lit<'_>], areas: &[&Lig
     light
 }
 
-/// Turns the light on `columns` into charge, e-: pixel response, dark charge and trails of frame
-/// transfer, as far as `parts` has them.
+/// Converts the light on `columns` to charge, e-: with the pixel response, dark charge and
+/// frame-transfer smear that `parts` contains.
 pub fn turn(scene: &Scene, light: &mut [f64], columns: &[usize], parts: &EffectSet) {
     let detector = &scene.view.camera.detector;
     let transfer_smear = transfer_smear::part(&scene.view);
@@ -190,7 +190,7 @@ pub fn in_groups<T: Send>(
     columns: &[usize],
     work: impl Fn(&[usize]) -> T + Send + Sync,
 ) -> Vec<T> {
-    let most = (COLUMNS_TOGETHER / scene.view.camera.detector.height.max(1)).max(1);
+    let most = (GROUP_PIXELS / scene.view.camera.detector.height.max(1)).max(1);
     let groups = columns.par_chunks(columns.len().div_ceil(GROUPS).clamp(1, most));
     let groups = groups.filter(|_| !scene.is_cancelled());
     groups.map(work).collect()

@@ -1,4 +1,4 @@
-//! The part of a track's light that the camera collects: vignetting and shutter take the rest.
+//! The part of a track's light that the camera collects after vignetting and shutter.
 
 use crate::camera::psf::square;
 use crate::camera::{Camera, Stamp};
@@ -6,27 +6,28 @@ use crate::fidelity::Fidelity;
 use crate::footprint::Light;
 use crate::track::{Lit, Sample, Track};
 
-/// The light of a track that is collected, on the unbounded plane.
+/// The collected light of a track, on the unbounded plane.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Collected {
     /// In units of the light that arrives at the aperture in the exposure (1).
     pub light: f64,
-    /// Its centre on the pixels, px: the image of a point may be off its place.
+    /// Its centre on the pixels, px: it may differ from the image of the point.
     pub centre: [f64; 2],
 }
 
 impl Collected {
-    /// Adds up the samples; with a rolling shutter by the light of each row.
+    /// Adds up the samples; with a rolling shutter row by row.
     ///
     /// With w the samples' weights and f the part of the light around (x, y) that falls on open
     /// rows r,
     ///
     /// ```text
-    /// light = sum w f,   centre = sum w (x f, y f + sum_open (r - y) s_r - f sum_all (r - y) s_r) / light
+    /// light = sum w f
+    /// centre = sum w (x f, y f + sum_open (r - y) s_r - f sum_all (r - y) s_r) / light
     /// ```
     ///
-    /// with the share s_r of a row. The last term removes the effect of pixels on the centre of a
-    /// fully lit image.
+    /// with the share s_r of a row. The last term removes the effect of pixelation on the centre of
+    /// a fully lit image.
     pub fn of(track: &Track, camera: &Camera, fidelity: &Fidelity, shine: &Light) -> Collected {
         let (mut light, mut moments) = (0.0, [0.0; 2]);
         let mut stamp = Stamp::default();

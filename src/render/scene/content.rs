@@ -1,8 +1,8 @@
-//! Everything that one exposure sees.
+//! The scene of one exposure.
 
 use super::area::area_light::AreaLight;
 use super::area::light::Light;
-use super::area::together::Together;
+use super::area::together::TotalAreaLight;
 use super::blooming::BloomingColumns;
 use super::bounds::cells::CELL;
 use super::effect_set::{EffectId, EffectSet};
@@ -16,46 +16,46 @@ use crate::camera::Event;
 use crate::fidelity::Fidelity;
 use crate::reduce;
 
-/// Everything that one exposure sees.
+/// The view of one exposure, with the images and the light of all its sources.
 #[derive(Debug)]
 pub struct Scene {
-    /// What stands before the camera.
+    /// The sources in the field, before the optics.
     pub view: View,
-    /// Which effects the frame has.
+    /// The effects of the frame.
     pub simulated: EffectSet,
     /// The images that touch the detector, in the view's order.
     pub sources: Vec<Source>,
     /// The light of area sources, in the order of their effects.
     pub areas: Vec<AreaLight>,
-    /// The light of all of them.
-    pub(super) areas_light: Together,
-    /// Bound of the light that any pixel turns into charge, for each column of cells
+    /// The light of all area sources.
+    pub(super) areas_light: TotalAreaLight,
+    /// Bound of the light of any pixel, with pixel response, for each column of cells
     /// (`bounds::cells`), e-.
     pub(super) peaks_e: Vec<f64>,
     /// The same of stars alone.
     pub(super) stars_e: Vec<f64>,
-    /// What frame transfer adds to each pixel of a column, e-, a value a column; empty where charge
-    /// is not shifted through light.
+    /// Frame-transfer smear of each pixel of a column, e-, one value a column; empty without frame
+    /// transfer.
     pub transfer_smear_e: Vec<f64>,
     /// The particles that cross the detector.
     pub events: Vec<Event>,
-    /// The charge that they leave together.
+    /// The charge of all of them.
     pub struck: Struck,
-    /// How many more would cross it on average: no more are drawn than a frame has time for.
+    /// Expected number of further particles, beyond the limit of drawn ones.
     pub particles_left_out: f64,
-    /// What fills up and spills.
+    /// The columns that may saturate.
     pub blooming: BloomingColumns,
     /// The light on columns that may fill up, e-.
     pub(super) spilling_e: Vec<Vec<f64>>,
-    /// What its images were made to.
+    /// The tolerances of its images.
     pub(super) fidelity: Fidelity,
 }
 
 impl Scene {
-    /// Whether every pixel that a source lights is full: it then has no signal-to-noise ratio.
+    /// Whether every pixel of a source is full: it then has no signal-to-noise ratio.
     pub fn fills_all(&self, source: &Source) -> bool {
         let full_e = signal::full_e(&self.view.camera.detector, &self.simulated);
-        // A disc may find its pixels full of other light.
+        // The pixels of a disc may be full of other light.
         let fills = || {
             let most = reduce::greatest(source.footprint.shares());
             source.body.points() > 1 || source.electrons * f64::from(most) >= full_e
@@ -63,13 +63,13 @@ impl Scene {
         source.electrons > 0.0 && source.clear_snr == 0.0 && fills()
     }
 
-    /// The tolerances that it was made to.
+    /// Its tolerances.
     pub fn fidelity(&self) -> &Fidelity {
         &self.fidelity
     }
 
-    /// Whether its frame is cancelled: what is computed from then on is incomplete, and must not
-    /// be used.
+    /// Whether its frame is cancelled: results computed afterwards are incomplete and must not be
+    /// used.
     pub fn is_cancelled(&self) -> bool {
         self.view.limit.is_cancelled()
     }
@@ -83,11 +83,11 @@ impl Scene {
         }
     }
 
-    /// Frees its memory on a thread of its own, and reports its frame as abandoned. Freeing 10,000
-    /// sources takes 50 ms; a thread of the pool would delay the end of the frame by that.
+    /// Frees its memory on another thread, and returns the error of an abandoned frame. Freeing
+    /// 10,000 sources takes 50 ms, which would delay the end of the frame.
     pub fn abandon(self) -> Unobservable {
         let freed = std::thread::Builder::new().name("free".to_string());
-        // Without a thread it is freed here.
+        // If no thread starts, the memory is freed here.
         let _ = freed.spawn(move || drop(self));
         Unobservable::Abandoned
     }
@@ -100,7 +100,7 @@ impl Scene {
         sources.map(Lit::from).chain(areas.map(Lit::from))
     }
 
-    /// The light of the area sources in `parts`: of all of them as one, if it has them all.
+    /// The light of the area sources in `parts`: one sum, if `parts` has all of them.
     pub(super) fn area_lights(&self, parts: &EffectSet) -> Vec<&Light> {
         let is_in = |area: &&AreaLight| parts.has(area.effect);
         if self.areas.iter().all(|area| is_in(&area)) {
@@ -111,7 +111,7 @@ impl Scene {
     }
 
     /// The light of all area sources.
-    pub fn areas_together(&self) -> &Together {
+    pub fn areas_together(&self) -> &TotalAreaLight {
         &self.areas_light
     }
 
@@ -123,8 +123,8 @@ impl Scene {
             + areas / self.view.camera.detector.pixels() as f64
     }
 
-    /// The charge (e-) that a pixel (row-major index) expects without stars and objects: area
-    /// light, dark charge, its column's trail.
+    /// Expected charge (e-) of a pixel (row-major index) without stars and objects: area light,
+    /// dark charge, frame-transfer smear.
     pub fn background_of(&self, pixel: usize) -> f64 {
         let light = self.areas_light.of_pixel(pixel);
         let response = if self.simulated.has(EffectId::PixelResponse) {
@@ -135,8 +135,7 @@ impl Scene {
         light * response + self.unlit_of(pixel)
     }
 
-    /// The charge (e-) that a pixel expects without light on itself: dark charge, its column's
-    /// trail.
+    /// Expected charge (e-) of a pixel without its own light: dark charge, frame-transfer smear.
     pub(super) fn unlit_of(&self, pixel: usize) -> f64 {
         let detector = &self.view.camera.detector;
         let transfer_smear = self.transfer_smear().get(pixel % detector.width);
@@ -155,23 +154,23 @@ impl Scene {
         (self.simulated).only_with(EffectId::DarkCurrent, charge_e)
     }
 
-    /// The columns' trails of frame transfer, if they are simulated, e-.
+    /// Frame-transfer smear of the columns, if it is simulated, e-.
     pub(super) fn transfer_smear(&self) -> &[f64] {
         (self.simulated).only_with(EffectId::FrameTransfer, &self.transfer_smear_e[..])
     }
 
-    /// What frame transfer adds to a pixel, averaged over the columns, e-.
+    /// Frame-transfer smear of a pixel, averaged over the columns, e-.
     pub(super) fn mean_transfer_smear_e(&self) -> f64 {
         self.transfer_smear().iter().sum::<f64>() / self.transfer_smear().len().max(1) as f64
     }
 
-    /// The share of a column's light that each of its pixels gets in frame transfer, if that is
+    /// The share of a column's light that smears onto each of its pixels, if frame transfer is
     /// simulated (1).
     pub fn transfer_smear_fraction(&self) -> f64 {
         (self.simulated).only_with(EffectId::FrameTransfer, transfer_smear::part(&self.view))
     }
 
-    /// Bound of the factor by which any pixel turns its light into charge.
+    /// Bound of the response of any pixel (1).
     pub fn responds(&self) -> f64 {
         if self.simulated.has(EffectId::PixelResponse) {
             1.0 + self.view.camera.detector.pattern.worst_response()

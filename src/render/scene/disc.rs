@@ -1,5 +1,4 @@
-//! The Moon's disc if it is too large for points: light by direction, rasterized as area sources
-//! are.
+//! The Moon's disc if it is too large for points: rasterized like an area source.
 
 use super::area::radiance::{Area, Edge, Radiance};
 use super::effect_set::EffectId;
@@ -15,11 +14,11 @@ const UNLIT: &str = "no lit part of the Moon is in the field";
 /// The disc as one observer sees it.
 #[derive(Debug)]
 pub struct LargeDisc {
-    /// Its place and its brightness by direction.
+    /// Its position and brightness by direction.
     pub disc: MoonDisc,
     /// The observer.
     pub observer: Observer,
-    /// The Earth, which may hide it and take its sunlight.
+    /// The Earth, which may hide or shadow it.
     pub earth: Earth,
     /// Whether the Earth hides some of it.
     pub behind: bool,

@@ -33,13 +33,12 @@ pub enum EffectId {
     StuckPixels,
 }
 
-/// The effects of one frame. The empty set gives still images of an ideal camera, and nothing in
-/// them.
+/// The effects of one frame. The empty set: still images of an ideal camera, without light.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct EffectSet {
     /// A bit an effect.
     bits: u32,
-    /// What is random is drawn.
+    /// Whether random numbers are drawn.
     pub noise: bool,
 }
 
@@ -84,7 +83,7 @@ impl EffectSet {
         self
     }
 
-    /// Without an effect that it has, with one that it has not.
+    /// With an effect toggled.
     pub const fn toggled(mut self, effect: EffectId) -> EffectSet {
         self.bits ^= 1 << effect as u32;
         self

@@ -1,4 +1,4 @@
-//! When an exposure is.
+//! The instants of an exposure.
 
 use hifitime::Epoch;
 use skyloop_orbit::time::seconds;
@@ -8,7 +8,7 @@ use skyloop_orbit::time::seconds;
 pub struct Exposure {
     /// Shutter opens.
     pub start: Epoch,
-    /// The middle, for which attitude and state hold.
+    /// The middle: epoch of attitude and state.
     pub mid: Epoch,
     /// Shutter closes.
     pub end: Epoch,

@@ -1,4 +1,4 @@
-//! Pixels that are full before any star or object adds its light.
+//! Pixels that are full without stars and objects.
 
 use super::content::Scene;
 use super::effect_set::EffectId;
@@ -11,7 +11,7 @@ pub fn flooded_by(scene: &Scene) -> Option<EffectId> {
         return Some(area);
     }
     let full_e = signal::full_e(&scene.view.camera.detector, &scene.simulated);
-    // The least pixel has no more than the mean.
+    // The faintest pixel is at most the mean.
     if scene.background_e() * scene.responds() < full_e || full_part(scene) < 1.0 {
         return None;
     }

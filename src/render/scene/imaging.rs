@@ -1,5 +1,4 @@
-//! The images of point sources: a candidate's track over the detector plane, and where its light
-//! falls.
+//! The images of point sources: a candidate's track over the detector plane, and its footprint.
 
 use super::area::full::Full;
 use super::area::image::lit_by;
@@ -17,21 +16,21 @@ use nalgebra::Vector3;
 use rayon::prelude::*;
 use std::f64::consts::TAU;
 
-/// Pieces of a track turn by at most this, rad (3 degrees): they are nearly straight.
+/// Greatest turn of a piece of a track, rad (3 degrees): pieces are nearly straight.
 const PIECE: f64 = 0.05;
 
-/// Evaluations of a place on a track, at first; and those that find the instants at which an
-/// image's own row opens and closes.
-pub const WAY_LOOKS: f64 = 7.0;
-pub const CROSSING: f64 = 100.0;
-/// ns of an evaluation: the pointing, the source's line and its projection.
-pub const LOOK_NS: f64 = 90.0;
-/// ns of a point of a panel in which rows open or close, and of each row there: weights, parts in
-/// light and centre.
+/// Initial evaluations of a track; and those that find the opening and closing times of an image's
+/// own row.
+pub const PATH_EVALUATIONS: f64 = 7.0;
+pub const CROSSING_EVALUATIONS: f64 = 100.0;
+/// Time of an evaluation, ns: the pointing, the source's direction and its projection.
+pub const EVALUATION_NS: f64 = 90.0;
+/// Time of a sample of a panel in which rows open or close, and of each row there, ns: weights,
+/// parts of light and centre.
 pub const POINT_NS: f64 = 800.0;
 pub const ROW_NS: f64 = 70.0;
 
-/// ns of a sample on a track that is already interpolated.
+/// Time of a sample of an interpolated track, ns.
 const TRACK_NS: f64 = 30.0;
 
 /// The image of a point, or of a disc.
@@ -43,10 +42,10 @@ struct Point {
     footprint: Footprint,
 }
 
-/// Pixels of the elements of a still disc that are held at once.
-const PIXELS: f64 = 1e8;
+/// Greatest number of pixels of disc elements in memory at once.
+const MAX_ELEMENT_PIXELS: f64 = 1e8;
 
-/// How images are formed: the view, the effects that shape them, the tolerances.
+/// Inputs of image formation.
 #[derive(Clone, Copy)]
 pub struct Imaging<'a> {
     pub view: &'a View,
@@ -67,7 +66,7 @@ pub fn track_all(view: &View, simulated: &EffectSet, fidelity: &Fidelity) -> usi
 }
 
 impl Imaging<'_> {
-    /// The image of `candidate`; none if nothing of it can touch the detector.
+    /// The image of `candidate`; none if it cannot touch the detector.
     pub fn image(&self, candidate: &Candidate) -> Option<Source> {
         let view = self.view;
         if view.limit.is_over() || !view.may_hold(candidate) {
@@ -91,11 +90,11 @@ impl Imaging<'_> {
         let arriving_e = candidate.electrons();
         let electrons = arriving_e * light;
         Some(Source {
-            // Ratios follow when all images are there: they depend on the columns' background.
+            // Computed later: it depends on the light of all images.
             snr: 0.0,
             clear_snr: 0.0,
             body: candidate.body.clone(),
-            // Labels give the place of the light.
+            // Labels give the position of the light.
             start: camera.optics.lit(start),
             end: camera.optics.lit(end),
             centroid: centre,
@@ -114,12 +113,12 @@ impl Imaging<'_> {
             simulated,
             fidelity,
         } = *self;
-        // Where nothing takes light, rounding of a sum must not either.
+        // Without losses, rounding of the sum must not lose light.
         let whole =
             !simulated.has(EffectId::RollingShutter) && !simulated.has(EffectId::Vignetting);
         let sample_ns = match self.even(candidate) {
             Some(_) if !simulated.has(EffectId::RollingShutter) => TRACK_NS,
-            _ => 2.0 * LOOK_NS,
+            _ => 2.0 * EVALUATION_NS,
         };
         let track_ns = self.track_ns(&track, sample_ns, candidate);
         view.limit.spend(track_ns);
@@ -150,7 +149,7 @@ impl Imaging<'_> {
         }
     }
 
-    /// Time of sampling a track, at `sample_ns` a sample, and of the rows' parts, ns.
+    /// Time of sampling a track, at `sample_ns` a sample, with its partial rows, ns.
     fn track_ns(&self, track: &Track, sample_ns: f64, candidate: &Candidate) -> f64 {
         let (psf, detector) = (&self.view.camera.optics.psf, &self.view.camera.detector);
         let reach_px = psf.drawn_px(self.fidelity, candidate.shine().electrons);
@@ -162,21 +161,21 @@ impl Imaging<'_> {
     /// The light of a disc of elements.
     fn disc(&self, elements: &[Element], candidate: &Candidate) -> Point {
         let view = self.view;
-        // The part that is not drawn would show, of so much light.
+        // Of so much light the undrawn part would be visible.
         let bound = (self.fidelity.wing_e / candidate.clear_e).max(f64::EPSILON);
         let fidelity = &Fidelity {
             psf_loss: self.fidelity.psf_loss.min(bound),
             ..*self.fidelity
         };
         let imaging = Imaging { fidelity, ..*self };
-        // A few at a time: with wide wings each may cover the whole detector.
+        // In chunks: with wide wings each element may cover the whole detector.
         let psf = &view.camera.optics.psf;
         let side_px = 2.0 * psf.drawn_px(fidelity, candidate.shine().electrons) + 1.0;
         let pixels = side_px.powi(2).min(view.camera.detector.pixels() as f64);
-        let some = (PIXELS / pixels).clamp(2.0, 4096.0) as usize;
+        let chunk = (MAX_ELEMENT_PIXELS / pixels).clamp(2.0, 4096.0) as usize;
         let (mut light, mut moments) = (0.0, [0.0; 2]);
         let mut footprint = Footprint::default();
-        for elements in elements.chunks(some) {
+        for elements in elements.chunks(chunk) {
             let points = elements.par_iter().filter_map(|element| {
                 if view.limit.is_over() {
                     return None;
@@ -205,8 +204,8 @@ impl Imaging<'_> {
         }
     }
 
-    /// The light of a disc that is rasterized as area sources are. Its centre stands for how much
-    /// of its light is collected, on and off the detector, and where.
+    /// The light of a disc that is rasterized like an area source. Its centre gives the collected
+    /// fraction and the centroid.
     fn large_disc(&self, area: &Area, track: Track, candidate: &Candidate) -> Point {
         let view = self.view;
         let centre = self.point(track, candidate);
@@ -222,7 +221,7 @@ impl Imaging<'_> {
         }
     }
 
-    /// The path of the image while its rows are open, with the light along it; of a point at an
+    /// The path of the image while its rows are open, with the light along it, for a point at an
     /// offset `off` from the source (any length).
     fn track(&self, candidate: &Candidate, off: &Vector3<f64>) -> Option<Track> {
         let Imaging {
@@ -271,7 +270,7 @@ impl Imaging<'_> {
             step_px,
             panel_px,
             point_px,
-            // Used only where rows open in turn.
+            // Used only with a rolling shutter.
             reach_px: if rows.are_together() {
                 0.0
             } else {
@@ -285,14 +284,18 @@ impl Imaging<'_> {
             let turned_s = simulated.only_with(EffectId::Smear, dt_s);
             position(dt_s, turned_s, simulated.has(EffectId::AberrationDrift))
         };
-        let crossing = if rows.are_together() { 0.0 } else { CROSSING };
-        let looks = WAY_LOOKS + track_spec.pieces as f64 + crossing;
-        view.limit.spend(looks * LOOK_NS);
+        let crossing = if rows.are_together() {
+            0.0
+        } else {
+            CROSSING_EVALUATIONS
+        };
+        let evaluations = PATH_EVALUATIONS + track_spec.pieces as f64 + crossing;
+        view.limit.spend(evaluations * EVALUATION_NS);
         Track::sample(at, &track_spec, fidelity)
     }
 
-    /// The Gaussian spread of its light, if it is the same everywhere. None where the transmission
-    /// may have kinks along the path, which the rule for smooth functions misses.
+    /// The Gaussian spread of its light, if constant along the track. None if the transmission may
+    /// have kinks along the path, which the quadrature misses.
     pub fn even(&self, candidate: &Candidate) -> Option<Even> {
         let optics = &self.view.camera.optics;
         let breaks = self.simulated.has(EffectId::Vignetting)
@@ -310,7 +313,7 @@ impl Imaging<'_> {
         let step_px = core_px * fidelity.step_sigma(height_e);
         match psf.at([0.0; 2], 1.0).gradient() {
             None => [step_px, step_px, core_px * fidelity.point_sigma(height_e)],
-            // Images have kinks, which a rule of few points misses.
+            // Sampled PSFs have kinks, which few points miss.
             Some(_) => [step_px, 0.0, 0.0],
         }
     }
@@ -318,7 +321,7 @@ impl Imaging<'_> {
     /// The width (px) and the height (e-) of the candidate's image.
     fn height(&self, candidate: &Candidate) -> (f64, f64) {
         let core_px = self.view.camera.optics.psf.core_px();
-        // No profile of that width is higher in its middle than a Gaussian.
+        // No profile of that width has a higher peak than a Gaussian.
         let middle = (1.0 / (TAU * core_px * core_px)).min(1.0);
         (core_px, candidate.shine().electrons * middle)
     }

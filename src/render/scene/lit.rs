@@ -1,4 +1,4 @@
-//! What lights pixels, points and areas alike: electrons, and the share of them on each pixel.
+//! Light of a point or an area source: electrons, and their share on each pixel.
 
 use super::area::light::Light;
 use super::source::Source;
@@ -7,9 +7,9 @@ use crate::footprint::Footprint;
 /// Light on pixels.
 #[derive(Debug, Clone, Copy)]
 pub struct Lit<'a> {
-    /// All of it, e-.
+    /// Total, e-.
     pub electrons: f64,
-    /// Where it falls.
+    /// Its shares of the pixels.
     pub footprint: &'a Footprint,
 }
 

@@ -1,8 +1,8 @@
-//! The scene: everything that one exposure sees, computed once and only read afterwards.
+//! The scene of one exposure: computed once, read-only afterwards.
 //!
-//! First the [`View`], what stands before the camera ([`build_view`], [`add_areas`]); then, with
-//! the effects that the frame has ([`EffectSet`]), the image of every source on the detector: the
-//! [`Scene`] ([`build_scene`]). [`bounds`] says what it would lose without an effect.
+//! First the [`View`]: sources in the field, before the optics ([`build_view`], [`add_areas`]).
+//! Then the [`Scene`]: the image of every source on the detector, with the frame's effects
+//! ([`EffectSet`], [`build_scene`]). [`bounds`] computes the error without an effect.
 
 mod area;
 mod blooming;
@@ -32,7 +32,8 @@ mod world;
 
 pub use area::{
     Area, AreaLight, BLURRED_NS, EDGE_NS, Edge, Found, Full, Horizon, Kind, Light, NO_ORBIT,
-    Radiance, Requested, SPREAD_NS, Surroundings, Together, is_flooded, lit_by, not_in_field,
+    Radiance, RasterWork, SPREAD_NS, Surroundings, TotalAreaLight, is_flooded, lit_by,
+    not_in_field,
 };
 pub use blooming::{BloomingColumns, drawn_e};
 pub use bounds::cells::CELL;
@@ -52,5 +53,5 @@ pub use source::{Body, Candidate, Hidden, Source};
 pub use stages::build_scene;
 pub use struck::Struck;
 pub use view::{Faint, OBJECT_NS, Unknown, View};
-pub use work::{Work, areas_smear_ms, still_looks, still_ms, work};
+pub use work::{Work, areas_smear_ms, still_evaluations, still_ms, work};
 pub use world::World;

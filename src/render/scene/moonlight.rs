@@ -1,4 +1,4 @@
-//! The light of the Moon's disc that reaches an observer past the Earth and its shadow.
+//! The light of the Moon's disc, reduced by the Earth and its shadow.
 
 use super::solar_system::Element;
 use crate::sky::Observer;
@@ -10,9 +10,9 @@ use nalgebra::Vector3;
 /// and the Moon's radius reach 1.6 deg.
 const ECLIPSED: f64 = 0.03;
 
-/// The light of a disc that arrives.
+/// The light of a disc that arrives at the observer.
 pub struct Arriving {
-    /// The light of all its cells in full sunlight, and the part that arrives.
+    /// The light of all its cells in full sunlight, and the arriving part.
     pub all: f64,
     pub light: f64,
     /// Direction and light of the cells whose light arrives.
@@ -74,7 +74,7 @@ pub fn sunlit(at: &Vector3<f64>, disc: &MoonDisc, earth: &Earth, observer: &Obse
     earth.illumination(moon_m + across_m, sun_m)
 }
 
-/// The part of the Moon's light that neither the Earth nor its shadow takes, to a hundredth.
+/// The fraction of the Moon's light that arrives past the Earth and its shadow, to 0.01.
 pub fn moons_light(disc: &MoonDisc, earth: &Earth, observer: &Observer) -> f64 {
     const SIDE: usize = 12;
     let far = earth.limb_angle(observer.position_m, &disc.direction) > 2.0 * disc.angular_radius;

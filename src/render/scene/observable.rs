@@ -1,4 +1,4 @@
-//! The epochs, turns, exposures and observers that can be shown.
+//! Limits of epochs, turns, exposures and observers.
 
 use super::exposure::Exposure;
 use crate::attitude::{AttitudeError, VehicleState, check_orbit};
@@ -15,7 +15,7 @@ use thiserror::Error;
 /// with the streaks' length: at the limit a frame of 256 x 256 pixels takes over a second.
 pub const MAX_TURN: f64 = 1.0;
 
-/// Why there is no scene.
+/// Reasons why there is no scene.
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum Unobservable {
     /// The ephemerides do not reach the epoch.
@@ -33,7 +33,7 @@ pub enum Unobservable {
         /// The exposure time, s.
         exposure_s: f64,
     },
-    /// No exposure lasts as long.
+    /// The exposure time is invalid.
     #[error("an exposure of {exposure_s} s: must be 0 or more, and a number")]
     Exposure {
         /// The exposure time, s.
@@ -44,7 +44,7 @@ pub enum Unobservable {
     State {
         /// An instant of the exposure.
         epoch: Epoch,
-        /// What is wrong with it there.
+        /// The error at that instant.
         source: AttitudeError,
     },
     /// The frame was cancelled.
@@ -82,7 +82,7 @@ pub enum Unobservable {
     },
 }
 
-/// A number with two significant figures and no zeros behind them: 0.04, 1.5, 1200.
+/// A number with two significant figures and no trailing zeros: 0.04, 1.5, 1200.
 pub(crate) fn two_figures(value: f64) -> String {
     let rounded = format!("{value:.1e}").parse().unwrap_or(value);
     format!("{rounded}")
@@ -101,8 +101,7 @@ pub fn above_the_moon(
     Ok(())
 }
 
-/// The turn of a body with these rates (rad/s) in `exposure_s`, rad; an error if it cannot be
-/// shown.
+/// The turn of a body with these rates (rad/s) in `exposure_s`, rad; an error beyond [`MAX_TURN`].
 pub fn turn_at(rates: Vector3<f64>, exposure_s: f64) -> Result<f64, Unobservable> {
     if !(exposure_s.is_finite() && exposure_s >= 0.0) {
         return Err(Unobservable::Exposure { exposure_s });

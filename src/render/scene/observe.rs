@@ -1,5 +1,5 @@
-//! Builds a [`View`]: searches the stars, the objects, the Moon and the planets for what may be in
-//! the field, and finds its light.
+//! Builds a [`View`]: finds the stars, objects, planets and the Moon that may be in the field, and
+//! their light.
 
 use super::area::kind::{Kind, areas};
 use super::effect_set::EffectSet;
@@ -36,12 +36,12 @@ const FEW: usize = 128;
 /// Number of the Moon and the planets.
 const MOON_AND_PLANETS: usize = 8;
 
-/// What `camera` on `vehicle` has before it during `exposure`, without area sources
-/// ([`add_areas`]). Stars and objects that are too `faint`, even in full light, are left out.
+/// The view of `camera` on `vehicle` during `exposure`, without area sources ([`add_areas`]). Stars
+/// and objects too `faint` even in full light are left out.
 ///
-/// Fails if the exposure time is not one, the epoch lies outside the ephemerides, the body turns
-/// further than [`MAX_TURN`](super::MAX_TURN), or the observer's state, carried through the
-/// exposure, leaves its range or enters the Moon.
+/// Fails if the exposure time is invalid, the epoch lies outside the ephemerides, the body turns
+/// further than [`MAX_TURN`](super::MAX_TURN), or the observer's propagated state leaves its range
+/// or enters the Moon.
 pub fn build_view(
     world: &World,
     camera: &Arc<Camera>,
@@ -99,7 +99,7 @@ pub fn build_view(
     Ok(view)
 }
 
-/// Finds what may be in the field of a view.
+/// Finds the candidates of a view.
 fn find_candidates(
     view: &mut View,
     world: &World,
@@ -137,7 +137,7 @@ fn find_candidates(
     let (seen, (stars, the_moon)) = rayon::join(objects, others);
     let earth = Earth::at(view.exposure.mid);
     view.sides = field.still_sides();
-    // All at once, with room for those that follow.
+    // Allocated once, with capacity for all kinds.
     let mut candidates = Vec::with_capacity(stars.len() + seen.objects.len() + MOON_AND_PLANETS);
     let stars = stars.into_par_iter().with_min_len(FEW);
     candidates.par_extend(stars.map(|star| seen_star(view, star, &earth, &shutter[1])));
@@ -176,12 +176,12 @@ fn greatest_swing(candidates: &[Candidate]) -> f64 {
     swings.fold(0.0, f64::max)
 }
 
-/// The Sun before a view whose observer is known.
+/// The Sun as the observer of a view sees it.
 fn seen_sun(view: &View, world: &World) -> SeenSun {
     let sun_m = view.observer.sun_m(&world.corrections);
     let boresight = view.pointing(0.0).matrix().transpose() * Vector3::z();
     let angle = libm::atan2(boresight.cross(&sun_m).norm(), boresight.dot(&sun_m));
-    // An observer without an orbit is at the Earth's centre, and sees through it.
+    // An observer without an orbit is at the Earth's centre; the Earth is transparent.
     let lit = view.vehicle.orbit.map_or(1.0, |state| {
         let earth = Earth::at(view.exposure.mid);
         earth.illumination(state.position_m, view.observer.bodies.sun_apparent_m())
@@ -201,7 +201,7 @@ fn seen_star(view: &View, star: SeenStar, earth: &Earth, observer: &Observer) ->
     Candidate::new(Body::Star(star), clear_e, 1.0, hidden)
 }
 
-/// Of these objects those that are bright enough for an image, and the others.
+/// Splits objects into those bright enough for an image, and the others.
 fn rsos(
     view: &View,
     objects: Vec<Arc<SeenObject>>,
@@ -212,8 +212,8 @@ fn rsos(
         let index = object.index;
         let candidate = rso(view, object);
         let is_unlit = candidate.electrons() <= 0.0;
-        let least = if is_unlit { faint.unlit_snr } else { faint.snr };
-        if candidate.clear_e <= least * noise_e {
+        let min_snr = if is_unlit { faint.unlit_snr } else { faint.snr };
+        if candidate.clear_e <= min_snr * noise_e {
             Either::Right((index, Excluded::TooFaint))
         } else {
             Either::Left(candidate)
@@ -233,9 +233,9 @@ fn rso(view: &View, object: Arc<SeenObject>) -> Candidate {
 }
 
 /// Bound of the light whose signal-to-noise ratio is 1, if every pixel has noise of `floor_e`, e-.
-/// N electrons have at most `N (sum s^2)^(1/2) / floor`, times the response. An image that moves
-/// along with the readout has up to l times the light; but no pixel is open for longer than the
-/// exposure, or has a greater share than the peak p: `sum s^2 <= p l`.
+/// The ratio of N electrons is at most `N (sum s^2)^(1/2) / floor`, times the response. An image
+/// that moves along with the readout has up to l times the light, but no pixel is open for longer
+/// than the exposure or has a greater share than the peak p: `sum s^2 <= p l`.
 fn noise_e(view: &View, floor_e: f64) -> f64 {
     let response = 1.0 + view.camera.detector.pattern.worst_response();
     let longest = if view.exposure.duration_s > 0.0 {
@@ -248,7 +248,7 @@ fn noise_e(view: &View, floor_e: f64) -> f64 {
     floor_e / (squares.sqrt() * response)
 }
 
-/// The distance from which 1 m^2/sr of reflective area is too faint, m. Clark et al. 2021, Eqs.
+/// The distance beyond which 1 m^2/sr of reflective area is too faint, m. Clark et al. 2021, Eqs.
 /// (2), (9), (11), with E_sun of the Sun's light: `N = E_sun A (au / d_sun d)^2`. Nothing is nearer
 /// to the Sun than 0.98 au.
 fn reach_m(view: &View, faint: &Faint) -> f64 {

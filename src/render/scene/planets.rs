@@ -1,4 +1,4 @@
-//! Finds the Moon and the planets before the camera.
+//! Finds the Moon and the planets in the field.
 
 use super::disc::LargeDisc;
 use super::moonlight::Arriving;
@@ -13,19 +13,20 @@ use crate::sky::planets::{Planet, seen_by};
 use crate::sky::shadow::Earth;
 use nalgebra::Vector3;
 
-/// Side of the squares of a resolved disc, in widths of the core of the point spread function:
-/// Gaussians a width apart ripple by less than 1e-8.
+/// Side of the squares of a resolved disc, in core widths of the point spread function. Gaussians
+/// one width apart ripple by less than 1e-8.
 const ELEMENT: f64 = 1.0;
-/// Greatest side, px.
+/// Greatest side of a square, px.
 const WIDEST_PX: f64 = 0.7;
-/// Least number of cells on a side for the centre of the light and what the Earth takes: these do
-/// not depend on the camera.
+/// Least number of cells on a side for the centre of the light and the part hidden by the Earth:
+/// independent of the camera.
 const MIN_CELLS: f64 = 24.0;
-/// A disc of more squares on a side than this is rasterized as area sources are.
+/// A disc of more squares on a side is rasterized like an area source.
 const MAX_ELEMENTS: f64 = 600.0;
-/// Points that take as long as rasterizing a disc on no pixels, and pixels for each further one.
+/// Cost of rasterizing a disc, as a number of points: a constant, and one point for so many pixels.
 const AREA_POINTS: usize = 10_000;
 const PIXELS_A_POINT: usize = 42;
+
 /// Range (m) and phase angle (rad) of a body at `body_m` from the observer.
 fn geometric(observer: &Observer, body_m: &Vector3<f64>) -> (f64, f64) {
     let to_sun = observer.bodies.sun_geocentric_m - observer.position_m - body_m;
@@ -104,11 +105,11 @@ pub fn the_moon(
         (false, true) => Some(Hidden::ByEarth),
         (false, false) => Some(Hidden::InShadow),
     };
-    let body = Body::Wanderer(Box::new(seen));
+    let body = Body::Planet(Box::new(seen));
     Some(Candidate::new(body, clear_e, visible, hidden))
 }
 
-/// The planets that may be in the cone of `angle` (rad) around `axis`: points.
+/// The planets that may be in the cone of `angle` (rad) around `axis`, as points.
 pub fn planets(
     view: &View,
     world: &World,
@@ -142,7 +143,7 @@ pub fn planets(
         };
         let clear_e = view.electrons(body.mag);
         let hidden = view.hidden(&planet.direction, &earth, &shutter[1]);
-        Candidate::new(Body::Wanderer(Box::new(body)), clear_e, 1.0, hidden)
+        Candidate::new(Body::Planet(Box::new(body)), clear_e, 1.0, hidden)
     });
     candidates.collect()
 }

@@ -1,15 +1,15 @@
 //! The signal-to-noise ratio of a source on the simulated detector.
 //!
 //! ```text
-//! snr^2 = sum S^2 / V    over the pixels: the best that any weighting of them can reach
+//! snr^2 = sum S^2 / V    over the pixels: the optimum of all weightings
 //! S = c(s + b) - c(b),   V = c'(s + b)^2 (s + b) + read^2 + gain^2 / 12
 //! ```
 //!
-//! with the light s and the background b (area light, dark charge, trail of frame transfer, e-) of
-//! the pixel with its response, and the curve c of its amplifier. Pixels that are dead, stuck or
-//! full in expectation do not count.
+//! with the light s and the background b (area light, dark charge, frame-transfer smear, e-) of the
+//! pixel with its response, and the curve c of its amplifier. Pixels that are dead, stuck or full
+//! in expectation do not count.
 
-use super::area::together::Together;
+use super::area::together::TotalAreaLight;
 use super::effect_set::{EffectId, EffectSet};
 use super::view::View;
 use crate::camera::Detector;
@@ -21,9 +21,9 @@ use skyloop_orbit::sgp4_batch::Level;
 pub(super) struct Noise<'a> {
     detector: &'a Detector,
     simulated: &'a EffectSet,
-    /// The trail of each column, if any, e-.
+    /// Frame-transfer smear of each column, if any, e-.
     transfer_smear_e: &'a [f64],
-    areas: &'a Together,
+    areas: &'a TotalAreaLight,
     exposure_s: f64,
     reading: Reading,
     level: Option<Level>,
@@ -31,14 +31,14 @@ pub(super) struct Noise<'a> {
 
 /// Buffers for the pixels of a footprint, reused.
 #[derive(Debug, Default)]
-pub(super) struct Held {
-    /// Shares of its light with pixel response (1), where that differs.
+pub(super) struct Buffers {
+    /// Shares of its light with pixel response (1), if it differs.
     shares: Vec<f32>,
     /// Background, e-.
     background: Vec<f32>,
 }
 
-/// Charge beyond which a pixel shows no more: its full well, or the converter's range, e-.
+/// Saturation charge of a pixel: its full well, or the converter's range, e-.
 pub(super) fn full_e(detector: &Detector, simulated: &EffectSet) -> f64 {
     let well = if simulated.has(EffectId::FullWell) {
         detector.full_well_e
@@ -54,7 +54,7 @@ fn reading(detector: &Detector, simulated: &EffectSet) -> Reading {
     Reading {
         bend: simulated.only_with(EffectId::NonLinearity, detector.nonlinearity),
         part_of_full: 1.0 / detector.full_well_e,
-        exposed: simulated.only_with(EffectId::ShotNoise, 1.0),
+        shot_noise: simulated.only_with(EffectId::ShotNoise, 1.0),
         floor: read * read + detector.quantisation_variance(),
         full_e: full_e(detector, simulated),
     }
@@ -65,7 +65,7 @@ impl<'a> Noise<'a> {
         view: &'a View,
         simulated: &'a EffectSet,
         transfer_smear_e: &'a [f64],
-        areas: &'a Together,
+        areas: &'a TotalAreaLight,
     ) -> Noise<'a> {
         let detector = &view.camera.detector;
         Noise {
@@ -93,12 +93,12 @@ impl<'a> Noise<'a> {
     }
 
     /// Signal-to-noise ratio of `electrons` spread over `footprint`.
-    pub fn snr(&self, footprint: &Footprint, electrons: f64, held: &mut Held) -> f64 {
+    pub fn snr(&self, footprint: &Footprint, electrons: f64, buffers: &mut Buffers) -> f64 {
         if electrons <= 0.0 {
             return 0.0;
         }
-        let Held { shares, background } = held;
-        self.beside(footprint, background);
+        let Buffers { shares, background } = buffers;
+        self.find_background(footprint, background);
         let shares = if self.respond(footprint, shares) {
             &shares[..]
         } else {
@@ -116,35 +116,35 @@ impl<'a> Noise<'a> {
         libm::sqrt(sum)
     }
 
-    /// The response of each pixel, 1 on average; none where all respond alike.
+    /// The response of each pixel, 1 on average; none if it is uniform.
     fn response(&self) -> Option<&'a [f32]> {
         let response = self.detector.pattern.response();
         response.filter(|_| self.simulated.has(EffectId::PixelResponse))
     }
 
-    /// The background of the pixels of a footprint, with their response, e-.
-    fn beside(&self, footprint: &Footprint, background: &mut Vec<f32>) {
+    /// Computes the background of the pixels of a footprint, with their response, e-.
+    fn find_background(&self, footprint: &Footprint, background: &mut Vec<f32>) {
         let (detector, pattern) = (self.detector, &self.detector.pattern);
         background.clear();
         background.resize(footprint.shares().len(), 0.0);
-        // Without area light no row is visited.
+        // No area light: nothing to add.
         if self.areas.light().is_some() {
-            self.row_by_row(footprint, background, |pixel, here| {
-                self.areas.add_to_row(pixel, here);
+            self.row_by_row(footprint, background, |pixel, row| {
+                self.areas.add_to_row(pixel, row);
             });
         }
         if let Some(response) = self.response() {
-            self.row_by_row(footprint, background, |pixel, here| {
+            self.row_by_row(footprint, background, |pixel, row| {
                 let response = from(response, pixel);
-                here.iter_mut().zip(response).for_each(|(b, of)| *b *= of);
+                row.iter_mut().zip(response).for_each(|(b, of)| *b *= of);
             });
         }
         match pattern
             .dark_e_s()
             .filter(|_| self.simulated.has(EffectId::DarkCurrent))
         {
-            Some(dark_e_s) => self.row_by_row(footprint, background, |pixel, here| {
-                for (b, dark_e_s) in here.iter_mut().zip(from(dark_e_s, pixel)) {
+            Some(dark_e_s) => self.row_by_row(footprint, background, |pixel, row| {
+                for (b, dark_e_s) in row.iter_mut().zip(from(dark_e_s, pixel)) {
                     *b += (f64::from(*dark_e_s) * self.exposure_s) as f32;
                 }
             }),
@@ -155,27 +155,27 @@ impl<'a> Noise<'a> {
             None => {}
         }
         if !self.transfer_smear_e.is_empty() {
-            self.row_by_row(footprint, background, |pixel, here| {
-                let transfer_smear_e = from(self.transfer_smear_e, pixel % detector.width);
-                let here = here.iter_mut().zip(transfer_smear_e);
-                here.for_each(|(b, transfer_smear_e)| *b += *transfer_smear_e as f32);
+            self.row_by_row(footprint, background, |pixel, row| {
+                let smear_e = from(self.transfer_smear_e, pixel % detector.width);
+                let pairs = row.iter_mut().zip(smear_e);
+                pairs.for_each(|(b, smear_e)| *b += *smear_e as f32);
             });
         }
     }
 
     /// Calls `each` with the first pixel (row-major index) of each row of a footprint, and its part
-    /// of `kept`.
+    /// of `values`.
     fn row_by_row(
         &self,
         footprint: &Footprint,
-        kept: &mut [f32],
+        values: &mut [f32],
         mut each: impl FnMut(usize, &mut [f32]),
     ) {
-        let mut rest = kept;
+        let mut rest = values;
         for (row, column, shares) in footprint.rows(0..self.detector.height) {
-            let (here, after) = rest.split_at_mut(shares.len());
+            let (part, after) = rest.split_at_mut(shares.len());
             rest = after;
-            each(row * self.detector.width + column, here);
+            each(row * self.detector.width + column, part);
         }
     }
 
@@ -192,22 +192,22 @@ impl<'a> Noise<'a> {
         shares.clear();
         shares.extend_from_slice(footprint.shares());
         let mut rest = &mut shares[..];
-        for (row, column, here) in footprint.rows(0..detector.height) {
+        for (row, column, shares) in footprint.rows(0..detector.height) {
             let first = row * detector.width + column;
-            let (here, after) = rest.split_at_mut(here.len());
+            let (shares, after) = rest.split_at_mut(shares.len());
             rest = after;
             if let Some(response) = response {
-                for (share, response) in here.iter_mut().zip(from(response, first)) {
+                for (share, response) in shares.iter_mut().zip(from(response, first)) {
                     *share *= response;
                 }
             }
-            // Pixels come in order: each list is traversed once.
+            // Pixels are in order: each list is traversed once.
             for list in &mut blind {
                 while let Some((pixel, rest)) = list.split_first()
-                    && (*pixel as usize) < first + here.len()
+                    && (*pixel as usize) < first + shares.len()
                 {
                     if let Some(i) = (*pixel as usize).checked_sub(first) {
-                        here[i] = 0.0;
+                        shares[i] = 0.0;
                     }
                     *list = rest;
                 }
@@ -217,7 +217,7 @@ impl<'a> Noise<'a> {
     }
 }
 
-/// The values from `first` on, if there are any.
+/// The values from `first` on, if any.
 fn from<T>(values: &[T], first: usize) -> &[T] {
     values.get(first..).unwrap_or(&[])
 }
@@ -268,20 +268,20 @@ mod tests {
     }
 
     #[test]
-    fn lanes_give_what_the_formula_gives() {
+    fn snr_agrees_with_the_formula_pixel_by_pixel() {
         let camera = Camera::load("cmos-rolling", &Folder::current()).unwrap();
         let detector = &camera.detector;
         let (width, height) = (detector.width, detector.height);
-        // Nothing is alike from pixel to pixel, from column to column, or a power of two.
+        // No two neighbours are equal, and no period is a power of two.
         let wave = |i: usize, steps: usize| 1.0 + (i % steps) as f64 / steps as f64;
         let transfer_smear_e: Vec<f64> = (0..width).map(|i| 300.0 * wave(i, 7)).collect();
         let areas_e = (0..width * height).map(|i| 900.0 * wave(i, 113) as f32);
-        let areas = Together::each([width, height], areas_e.collect());
+        let areas = TotalAreaLight::each([width, height], areas_e.collect());
         let mut shares: Vec<f32> = (0..width * height)
             .map(|i| wave(i, 59) as f32 * 2e-6)
             .collect();
         shares.iter_mut().step_by(5).for_each(|share| *share = 0.0);
-        // One pixel of ten thousand gets a great deal.
+        // One pixel of ten thousand is bright.
         shares
             .iter_mut()
             .step_by(9_973)
@@ -298,7 +298,7 @@ mod tests {
         let all = effects
             .into_iter()
             .fold(EffectSet::default(), EffectSet::with);
-        // The last is none of them: then all run.
+        // The last is not in the list: all run.
         for off in effects.into_iter().chain([EffectId::Readout]) {
             let simulated = all.without(off);
             let noise = Noise {
@@ -316,7 +316,7 @@ mod tests {
             };
             for electrons in [1e-9, 1.0, 3e7] {
                 let [snr, hand] = [
-                    noise.snr(&footprint, electrons, &mut Held::default()),
+                    noise.snr(&footprint, electrons, &mut Buffers::default()),
                     by_hand(&noise, &shares, electrons),
                 ];
                 // By hand the difference of large charges is rounded.
@@ -326,7 +326,7 @@ mod tests {
                     "{off:?} {electrons}: {snr} {hand}"
                 );
             }
-            assert_eq!(noise.snr(&footprint, 0.0, &mut Held::default()), 0.0);
+            assert_eq!(noise.snr(&footprint, 0.0, &mut Buffers::default()), 0.0);
         }
     }
 }

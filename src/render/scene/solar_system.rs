@@ -9,12 +9,11 @@ use nalgebra::Vector3;
 pub struct SeenSun {
     /// From the boresight at mid-exposure, rad.
     pub angle: f64,
-    /// The part of its disc that the Earth does not hide, 0..1.
+    /// The visible fraction of its disc, 0..1.
     pub lit: f64,
-    /// Its irradiance in the band, all of it, ph/s/m^2.
+    /// Irradiance of its whole disc in the band, ph/s/m^2.
     pub irradiance: f64,
-    /// Whether it is within the camera's exclusion angle, and not hidden: the frame is full of its
-    /// light.
+    /// Whether it is visible within the camera's exclusion angle: the frame then saturates.
     pub excluded: bool,
 }
 
@@ -28,20 +27,20 @@ pub struct VisiblePlanet {
     pub directions: [Vector3<f64>; 3],
     /// Apparent direction of its disc's centre at the middle of the view's time: unit vector, ICRF.
     pub centre: Vector3<f64>,
-    /// V magnitude of all of it, in full sunlight.
+    /// V magnitude of the whole disc, in full sunlight.
     pub mag: f64,
     /// Angle Sun - body - observer at the middle of the view's time, geometric (without light time
     /// and aberration), rad.
     pub phase: f64,
-    /// From the observer, m, geometric likewise.
+    /// Distance from the observer, m, also geometric.
     pub range_m: f64,
-    /// Angular radius, rad. Planets are drawn as points all the same.
+    /// Angular radius, rad. Planets are drawn as points nevertheless.
     pub angular_radius: f64,
     /// Its elements, if it is larger than a pixel.
     pub elements: Vec<Element>,
     /// Its light by direction, if it is too large for elements.
     pub area: Option<Area>,
-    /// Number of points of its image, or that would take as long.
+    /// Number of points of its image, or of equal cost.
     pub points: usize,
 }
 

@@ -1,4 +1,4 @@
-//! Sources of light that are points or small discs: what they are, and their images.
+//! Sources that are points or small discs, and their images.
 
 use super::area::radiance::Area;
 use super::effect_set::EffectId;
@@ -10,7 +10,7 @@ use crate::sky::star_field::SeenStar;
 use nalgebra::Vector3;
 use std::sync::Arc;
 
-/// What a source is.
+/// The kind of a source.
 #[derive(Debug, Clone)]
 pub enum Body {
     /// A star of the catalogue.
@@ -18,7 +18,7 @@ pub enum Body {
     /// A resident space object.
     Rso(Arc<SeenObject>),
     /// The Moon or a planet.
-    Wanderer(Box<VisiblePlanet>),
+    Planet(Box<VisiblePlanet>),
 }
 
 impl Body {
@@ -27,16 +27,16 @@ impl Body {
         match self {
             Body::Star(_) => EffectId::Stars,
             Body::Rso(_) => EffectId::Rsos,
-            Body::Wanderer(body) if body.is_moon() => EffectId::Moon,
-            Body::Wanderer(_) => EffectId::Planets,
+            Body::Planet(body) if body.is_moon() => EffectId::Moon,
+            Body::Planet(_) => EffectId::Planets,
         }
     }
 
-    /// Mean wavelength of its light over the band's reference: all but stars reflect the Sun's.
+    /// Mean wavelength of its light over the band's reference: all but stars have the Sun's colour.
     pub fn wavelength_ratio(&self) -> f64 {
         match self {
             Body::Star(star) => star.wavelength_ratio,
-            Body::Rso(_) | Body::Wanderer(_) => 1.0,
+            Body::Rso(_) | Body::Planet(_) => 1.0,
         }
     }
 
@@ -46,7 +46,7 @@ impl Body {
         match self {
             Body::Star(star) => star.direction,
             Body::Rso(object) => object.line_m(part),
-            Body::Wanderer(body) => body.direction(part),
+            Body::Planet(body) => body.direction(part),
         }
     }
 
@@ -54,7 +54,7 @@ impl Body {
     fn swing(&self) -> f64 {
         match self {
             Body::Star(_) => 0.0,
-            Body::Rso(_) | Body::Wanderer(_) => {
+            Body::Rso(_) | Body::Planet(_) => {
                 let line = |part: f64| self.line(part);
                 let [start, mid, end] = [0.0, 0.5, 1.0].map(line);
                 angle_between(&start, &mid) + angle_between(&mid, &end)
@@ -67,14 +67,14 @@ impl Body {
         match self {
             Body::Star(star) => ("star", star.index),
             Body::Rso(object) => ("rso", object.index),
-            Body::Wanderer(body) => (body.name, 0),
+            Body::Planet(body) => (body.name, 0),
         }
     }
 
     /// The elements of its disc; none of a point.
     pub fn elements(&self) -> &[Element] {
         match self {
-            Body::Wanderer(body) => &body.elements,
+            Body::Planet(body) => &body.elements,
             Body::Star(_) | Body::Rso(_) => &[],
         }
     }
@@ -82,26 +82,26 @@ impl Body {
     /// Its light by direction, if it is too large for elements.
     pub fn area(&self) -> Option<&Area> {
         match self {
-            Body::Wanderer(body) => body.area.as_ref(),
+            Body::Planet(body) => body.area.as_ref(),
             Body::Star(_) | Body::Rso(_) => None,
         }
     }
 
-    /// Number of points of its image, or that would take as long.
+    /// Number of points of its image, or of equal cost.
     pub fn points(&self) -> usize {
         match self {
-            Body::Wanderer(body) => body.points,
+            Body::Planet(body) => body.points,
             Body::Star(_) | Body::Rso(_) => 1,
         }
     }
 }
 
-/// Why no light of a source arrives.
+/// Reasons why no light of a source arrives.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Hidden {
-    /// The Earth stands before it.
+    /// It is behind the Earth.
     ByEarth,
-    /// The Moon stands before it.
+    /// It is behind the Moon.
     ByMoon,
     /// It is in the Earth's umbra.
     InShadow,
@@ -122,12 +122,11 @@ pub struct Source {
     pub footprint: Footprint,
     /// Electrons of all light that arrives at the aperture in the exposure.
     pub arriving_e: f64,
-    /// Expected electrons of the exposure, on and off the detector: of the light that passes optics
-    /// and shutter.
+    /// Expected electrons behind optics and shutter in the exposure, on and off the detector.
     pub electrons: f64,
     /// The same if it were neither hidden nor shaded.
     pub clear_e: f64,
-    /// Why there are none.
+    /// Why there are none, if hidden.
     pub hidden: Option<Hidden>,
     /// Signal-to-noise ratio on the detector.
     pub snr: f64,
@@ -138,8 +137,8 @@ pub struct Source {
 impl Source {
     /// Length of its path from start through centroid to end, px.
     pub fn length_px(&self) -> f64 {
-        let way = |a: [f64; 2], b: [f64; 2]| libm::hypot(a[0] - b[0], a[1] - b[1]);
-        way(self.start, self.centroid) + way(self.centroid, self.end)
+        let distance = |a: [f64; 2], b: [f64; 2]| libm::hypot(a[0] - b[0], a[1] - b[1]);
+        distance(self.start, self.centroid) + distance(self.centroid, self.end)
     }
 }
 
@@ -150,9 +149,9 @@ pub struct Candidate {
     pub body: Body,
     /// Electrons of all its light in the exposure, if it were neither hidden nor shaded.
     pub clear_e: f64,
-    /// The part of that light which arrives (1).
+    /// The arriving fraction of that light (1).
     pub light: f64,
-    /// Why none does.
+    /// Why none arrives.
     pub hidden: Option<Hidden>,
     /// The angle of its own motion, rad.
     pub(super) swing: f64,

@@ -1,10 +1,10 @@
-//! Builds a [`Scene`] in stages. Before each of them, and within those that take long, a frame that
-//! is cancelled or exceeds its work limit is given up.
+//! Builds a [`Scene`] in stages. A frame that is cancelled or exceeds its work limit ends before
+//! the next stage, and within long stages.
 
 use super::area::area_light::AreaLight;
 use super::area::full::Full;
 use super::area::image::lit_by;
-use super::area::together::Together;
+use super::area::together::TotalAreaLight;
 use super::blooming::BloomingColumns;
 use super::bounds;
 use super::bounds::brightest::stars_and_all_lit_e;
@@ -13,7 +13,7 @@ use super::content::Scene;
 use super::effect_set::{EffectId, EffectSet};
 use super::imaging::Imaging;
 use super::lit::Lit;
-use super::signal::{Held, Noise};
+use super::signal::{Buffers, Noise};
 use super::source::Source;
 use super::struck::Struck;
 use super::transfer_smear;
@@ -23,7 +23,7 @@ use crate::fidelity::Fidelity;
 use crate::sky::radiation;
 use rayon::prelude::*;
 
-/// What follows the images, each stage from the results of those before.
+/// The stages after image formation; each uses the results of earlier ones.
 const STAGES: [fn(&mut Scene); 5] = [
     add_areas_up,
     find_snr,
@@ -32,12 +32,12 @@ const STAGES: [fn(&mut Scene); 5] = [
     find_blooming,
 ];
 
-/// ns of a particle, and of a pixel at a step of its track that its charge diffuses to.
+/// Time of a particle, and of a pixel that its charge diffuses to, for each step of its track, ns.
 const EVENT_NS: f64 = 1000.0;
 const DIFFUSED_NS: f64 = 45.0;
 
-/// Forms the images of all that is in view. Once the view's work limit is over, the scene is
-/// incomplete and must not be used.
+/// Forms all images of a view. Once the view's work limit is over, the scene is incomplete and must
+/// not be used.
 pub fn build_scene(view: View, simulated: EffectSet, fidelity: &Fidelity) -> Scene {
     let (sources, areas) = rayon::join(
         || images(&view, &simulated, fidelity),
@@ -49,7 +49,7 @@ pub fn build_scene(view: View, simulated: EffectSet, fidelity: &Fidelity) -> Sce
         simulated,
         sources,
         areas,
-        areas_light: Together::default(),
+        areas_light: TotalAreaLight::default(),
         peaks_e: Vec::new(),
         stars_e: Vec::new(),
         transfer_smear_e: Vec::new(),
@@ -71,7 +71,7 @@ pub fn build_scene(view: View, simulated: EffectSet, fidelity: &Fidelity) -> Sce
 fn add_areas_up(scene: &mut Scene) {
     let pixels = scene.sources.iter();
     let pixels = pixels.map(|source| source.footprint.shares().len());
-    scene.areas_light = Together::of(&scene.areas, &scene.view, pixels.sum());
+    scene.areas_light = TotalAreaLight::of(&scene.areas, &scene.view, pixels.sum());
     let together = scene.areas_light.light().into_iter().map(Lit::from);
     let lights = scene.sources.iter().map(Lit::from).chain(together);
     scene.transfer_smear_e = transfer_smear::transfer_smear_e(&scene.view, lights);
@@ -88,8 +88,8 @@ fn find_snr(scene: &mut Scene) {
     );
     let limit = &scene.view.limit;
     let sources = scene.sources.par_iter_mut().filter(|_| !limit.is_over());
-    sources.for_each_init(Held::default, |held, source| {
-        let mut snr = |e: f64| noise.snr(&source.footprint, e, held);
+    sources.for_each_init(Buffers::default, |buffers, source| {
+        let mut snr = |e: f64| noise.snr(&source.footprint, e, buffers);
         source.clear_snr = snr(source.clear_e);
         source.snr = if source.electrons == source.clear_e {
             source.clear_snr
@@ -99,8 +99,8 @@ fn find_snr(scene: &mut Scene) {
     });
 }
 
-/// Draws the particles of this exposure, and counts those beyond the most that are drawn. Without
-/// an orbit the observer is assumed far outside the Earth's field.
+/// Draws the particles of this exposure, and counts those beyond the limit. Without an orbit the
+/// flux is that of free space.
 fn draw_particles(scene: &mut Scene) {
     let Scene {
         view, simulated, ..

@@ -1,4 +1,4 @@
-//! The charge that all particles together leave in each pixel.
+//! The charge of all particles in each pixel.
 
 use crate::camera::{Detector, Event};
 use rayon::prelude::*;
@@ -36,7 +36,7 @@ impl Struck {
         }
     }
 
-    /// The most charge that they leave in one pixel, e-.
+    /// The most charge in one pixel, e-.
     pub fn most_e(&self) -> f64 {
         f64::from(self.most_e)
     }
@@ -50,23 +50,23 @@ impl Struck {
     pub fn among(&self, pixels: Range<usize>) -> impl Iterator<Item = (u32, u32)> {
         let rows = pixels.start / self.width..pixels.end.div_ceil(self.width);
         let rows = self.rows.get(rows).into_iter().flatten();
-        let here = rows.flat_map(move |hits| {
+        let hits = rows.flat_map(move |hits| {
             let position = |end: usize| hits.partition_point(|(pixel, _)| (*pixel as usize) < end);
             // Hits of a cancelled frame may be out of order.
             hits.get(position(pixels.start)..position(pixels.end))
         });
-        here.flatten().copied()
+        hits.flatten().copied()
     }
 }
 
-/// Sorts a row's hits, adds those of one pixel up, and finds the most in one, e-.
+/// Sorts a row's hits, adds up those of the same pixel, and returns the greatest sum, e-.
 fn add_up(row: &mut Vec<(u32, u32)>) -> u32 {
     row.sort_unstable();
-    row.dedup_by(|hit, kept| {
-        let same = hit.0 == kept.0;
+    row.dedup_by(|hit, sum| {
+        let same = hit.0 == sum.0;
         if same {
-            // No well holds so much.
-            kept.1 = kept.1.saturating_add(hit.1);
+            // Saturation is far beyond any full well.
+            sum.1 = sum.1.saturating_add(hit.1);
         }
         same
     });

@@ -1,12 +1,11 @@
-//! The trail of frame transfer: light that a column's charge collects while it is shifted below its
-//! cover.
+//! Frame-transfer smear: light that a column's charge collects while it is shifted below its cover.
 //!
 //! ```text
 //! N_xy <- N_xy + (t_row / t_int) sum_y' N_xy'
 //! ```
 //!
-//! At the last frame's transfer a pixel's charge passed all rows on one side of it; after the
-//! exposure it passes all rows on the other side. Together it passes every row of its column once,
+//! During the previous transfer a pixel's charge passed all rows on one side of it; after the
+//! exposure it passes all rows on the other side. In total it passes every row of its column once,
 //! each for t_row. The scene is assumed to stand still: a row's light has its mean rate over the
 //! exposure.
 
@@ -14,7 +13,7 @@ use super::lit::Lit;
 use super::view::View;
 use crate::camera::Shutter;
 
-/// The trail of each pixel of a column, e-, one value a column; empty without frame transfer.
+/// The smear of each pixel of a column, e-, one value a column; empty without frame transfer.
 pub fn transfer_smear_e<'a>(view: &View, lights: impl Iterator<Item = Lit<'a>>) -> Vec<f64> {
     if !matches!(view.camera.shutter, Shutter::FrameTransfer { .. }) {
         return Vec::new();
@@ -25,7 +24,7 @@ pub fn transfer_smear_e<'a>(view: &View, lights: impl Iterator<Item = Lit<'a>>) 
     columns
 }
 
-/// The share of a column's light that each of its pixels gets (1).
+/// The share of a column's light that smears onto each of its pixels (1).
 pub fn part(view: &View) -> f64 {
     match view.camera.shutter {
         Shutter::FrameTransfer { row_s } => row_s / view.exposure.duration_s,

@@ -1,5 +1,4 @@
-//! What stands before the camera during one exposure: directions and light, before the optics
-//! form images.
+//! The sources in the field during one exposure: directions and light, before the optics.
 
 use super::area::radiance::Area;
 use super::exposure::Exposure;
@@ -23,10 +22,10 @@ use skyloop_orbit::OrbitError;
 use skyloop_orbit::sgp4_batch::Level;
 use std::sync::Arc;
 
-/// What stands before the camera during one exposure.
+/// The sources in the field during one exposure.
 #[derive(Debug, Clone)]
 pub struct View {
-    /// When.
+    /// The instants of the exposure.
     pub exposure: Exposure,
     /// Time from the first row's opening to the last row's closing, around mid-exposure, s.
     pub open_s: f64,
@@ -43,14 +42,14 @@ pub struct View {
     pub scale_and_corner_px: (f64, f64),
     /// The key of all noise.
     pub key: NoiseKey,
-    /// The vector instructions for streaks; none: pixel by pixel. All give the same.
+    /// The vector instructions for streaks; none: pixel by pixel. The result is the same.
     pub level: Option<Level>,
     /// The frame's work limit: once it is over, sources have no image.
     pub limit: WorkLimit,
-    /// Whether every pixel is full of light with or without motion, and the frame would cost too
-    /// much: then nothing moves.
+    /// Whether images stand still: every pixel is full with or without motion, and the frame would
+    /// exceed its work limit.
     pub still_in_flood: bool,
-    /// The observer at mid-exposure; without an orbit at the Earth's centre.
+    /// The observer at mid-exposure; at the Earth's centre without an orbit.
     pub observer: Observer,
     /// Stars in catalogue order, then objects in the population's, planets, the Moon.
     pub candidates: Vec<Candidate>,
@@ -60,60 +59,60 @@ pub struct View {
     pub sun: SeenSun,
     /// Area sources, in the order of their effects.
     pub areas: Vec<Area>,
-    /// Number of objects in the scene, before the camera or not.
+    /// Number of objects in the scene, in the field or not.
     pub objects: usize,
-    /// Objects before the camera without an image, by their indices, and why.
+    /// Objects in the field without an image, by index, with the reason.
     pub unseen: Vec<(usize, Excluded)>,
     /// Objects whose orbit has no position at this time.
     pub unknown: Unknown,
-    /// The greatest swing of a candidate, rad.
+    /// The greatest own motion of a candidate, rad.
     pub(super) swing: f64,
     /// Precomputed pointings, by the time from mid-exposure, s.
     pub(super) pointings: Vec<(f64, Attitude)>,
     /// Planes around the field of stars whose image may touch the detector: normals, and the least
     /// products with them.
     pub(super) sides: Vec<(Vector3<f64>, f64)>,
-    /// The window of light for a loss of that share of a source (1).
+    /// The window of light for this lost share of a source (1).
     pub(super) window: (f64, Window),
 }
 
 /// Limits below which a source is too faint for an image. The noise is `floor_e` in each pixel.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Faint {
-    /// Of objects, the signal-to-noise ratio (1).
+    /// Least signal-to-noise ratio of objects (1).
     pub snr: f64,
-    /// Of objects without light that arrives: the same in full light.
+    /// The same of hidden objects, in full light.
     pub unlit_snr: f64,
-    /// Of stars, the same.
+    /// The same of stars.
     pub star_snr: f64,
-    /// Noise that every pixel has, whatever it shows, e-.
+    /// Noise of a pixel without charge, e-.
     pub floor_e: f64,
 }
 
 /// Objects whose orbit has no position.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Unknown {
-    /// How many.
+    /// Their number.
     pub count: usize,
-    /// Why, for each object once.
+    /// The reason, once for each object.
     pub notices: Vec<OrbitError>,
 }
 
-/// ns of an object in the search of the field; of one in the field; and of one that is seen: three
-/// places, its light, bounds and label.
+/// Time of an object in the search of the field, ns; of one in the field; and of one with an image:
+/// three positions, its light, bounds and label.
 pub const OBJECT_NS: f64 = 700.0;
 const IN_FIELD_NS: f64 = 300.0;
 const SEEN_NS: f64 = 5000.0;
 
 impl View {
-    /// Work of the search for objects in the field, ns.
+    /// Time of the search for objects in the field, ns.
     pub fn search_ns(&self) -> f64 {
         let is_rso = |candidate: &&Candidate| matches!(candidate.body, Body::Rso(_));
         let seen = self.candidates.iter().filter(is_rso).count() as f64;
         self.objects as f64 * OBJECT_NS + self.unseen.len() as f64 * IN_FIELD_NS + seen * SEEN_NS
     }
 
-    /// The error that it exceeds the work limit (s on one core).
+    /// The error of a view over the work limit (s on one core).
     pub fn too_much(&self, limit_s: Option<f64>) -> Unobservable {
         Unobservable::TooMuchWork {
             sources: self.candidates.len(),
@@ -129,9 +128,9 @@ impl View {
         match &candidate.body {
             Body::Star(star) => sides.all(|(inward, least)| star.direction.dot(inward) >= *least),
             Body::Rso(_) => true,
-            Body::Wanderer(body) => {
-                // The disc, whose light is not centred on it, and wings that are drawn further than
-                // those of stars.
+            Body::Planet(body) => {
+                // The light is off the centre of the disc, and wings are drawn further than those
+                // of stars.
                 let wings = 2.0 * optics.psf.reach_px(f64::EPSILON) / optics.focal_px;
                 let reach = 2.0 * body.angular_radius + candidate.swing + wings;
                 sides.all(|(inward, least)| {
@@ -166,7 +165,7 @@ impl View {
     /// moves images by the plate scale, one about it by their distance from it.
     pub fn longest_track_px(&self, seconds: f64) -> f64 {
         let turn = self.camera.mounting.rotate(&self.vehicle.rates) * seconds;
-        // Uneven motion is at most the whole, and little more than twice the mean.
+        // Uneven motion is at most all of it, and little more than twice the mean.
         let share = if seconds < self.open_s {
             (2.0 * seconds / self.open_s).min(1.0)
         } else {
@@ -177,8 +176,8 @@ impl View {
         (libm::hypot(turn.x, turn.y) + own) * scale + turn.z.abs() * furthest
     }
 
-    /// Bound of the brightest pixel's light, of which `part` of the direction (camera axes) counts,
-    /// e-: twice that of the brightest source, for its neighbours.
+    /// Bound of the brightest pixel's light, weighted by `part` of its direction (camera axes), e-.
+    /// Neighbours are allowed for by twice the brightest source.
     pub fn brightest_px_e(&self, part: impl Fn(&Vector3<f64>) -> f64) -> f64 {
         let camera = &self.camera;
         let psf = camera.optics.psf_at(camera.optics.principal_px, 1.0);
@@ -189,7 +188,7 @@ impl View {
         let mut most = 0.0f64;
         for candidate in &self.candidates {
             let e = candidate.electrons();
-            // Few are brighter than all before them.
+            // Only a few candidates get this far.
             if e > most {
                 let seen = pointing.rotate(&candidate.body.line(0.5)).normalize();
                 if seen.z >= edge - candidate.swing {
@@ -212,7 +211,7 @@ impl View {
         self.longest_track_px(seconds) + self.areas_swing_px(seconds)
     }
 
-    /// Estimate of the most area light of a pixel, e-.
+    /// Estimate of the brightest area light of a pixel, e-.
     pub fn areas_peak_e(&self) -> f64 {
         self.areas.iter().map(|area| area.peak_e).sum()
     }

@@ -1,46 +1,48 @@
-//! Estimates of the work of forming images, before they are formed. Estimated times of effects are
-//! made of them.
+//! Estimated work of image formation, for the estimated times of effects.
 
-use super::area::motion::{AREA_LOOK_NS, panels};
+use super::area::motion::{AREA_EVALUATION_NS, panels};
 use super::area::sampled::{STEPS_PX, most_steps};
 use super::content::Scene;
 use super::effect_set::EffectSet;
-use super::imaging::{CROSSING, Imaging, LOOK_NS, POINT_NS, ROW_NS, WAY_LOOKS};
+use super::imaging::{
+    CROSSING_EVALUATIONS, EVALUATION_NS, Imaging, PATH_EVALUATIONS, POINT_NS, ROW_NS,
+};
 use super::source::{Candidate, Source};
 use super::view::View;
 use crate::fidelity::Fidelity;
-use crate::footprint::{DOT_NS, LAID_NS, PIXEL_NS as FOOTPRINT_NS};
+use crate::footprint::{DOT_NS, DOT_PIXEL_NS, PIXEL_NS as FOOTPRINT_NS};
 use crate::track::rule;
 
-/// Places of a track that are evaluated.
-const PLACES: usize = 5;
-/// Sources that are evaluated, beside all that are much brighter than the mean; they stand for the
-/// others.
+/// Samples of a track.
+const SAMPLES: usize = 5;
+/// Number of faint sources that represent all others. Sources much brighter than the mean are all
+/// evaluated.
 const SOURCES: usize = 64;
-/// How much brighter those are.
+/// Bright sources, in units of the mean.
 const BRIGHT: f64 = 4.0;
 
-/// ns of a source with a still image, without its pixels.
+/// Time of a source with a still image, without its pixels, ns.
 const SOURCE_NS: f64 = 500.0;
-/// The same of a point of a disc, which is added to others.
+/// Time of adding a pixel of a point of a disc, ns.
 const ADDED_NS: f64 = 1.0;
-/// ns of drawing a pixel of a footprint.
+/// Time of drawing a pixel of a footprint, ns.
 const DRAWN_NS: f64 = 1.0;
+
 /// The work of moving images.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Work {
     /// Evaluations of sources along their paths.
-    pub looks: f64,
+    pub evaluations: f64,
     /// Time with all rows together, ms.
     pub moving_ms: f64,
     /// Further time with a rolling shutter, ms.
     pub rolling_ms: f64,
     /// Evaluations for a rolling shutter.
-    pub rolling_looks: f64,
+    pub rolling_evaluations: f64,
 }
 
 /// Number of evaluations of sources for still images.
-pub fn still_looks(view: &View) -> f64 {
+pub fn still_evaluations(view: &View) -> f64 {
     3.0 * view.candidates.len() as f64
 }
 
@@ -69,7 +71,7 @@ pub fn work(view: &View, seconds: f64, fidelity: &Fidelity) -> Work {
     work
 }
 
-/// Adds that of `share` sources like `candidate`.
+/// Adds the work of `share` sources like `candidate`.
 fn add_work(
     imaging: &Imaging<'_>,
     candidate: &Candidate,
@@ -79,15 +81,15 @@ fn add_work(
 ) {
     let (view, fidelity) = (imaging.view, imaging.fidelity);
     let (camera, detector) = (&view.camera, &view.camera.detector);
-    let places = (0..PLACES).filter_map(|i| {
-        let dt_s = (i as f64 / (PLACES - 1) as f64 - 0.5) * seconds;
+    let positions = (0..SAMPLES).filter_map(|i| {
+        let dt_s = (i as f64 / (SAMPLES - 1) as f64 - 0.5) * seconds;
         let part = 0.5 + dt_s / view.open_s.max(f64::MIN_POSITIVE);
         camera
             .optics
             .project(&view.pointing(dt_s).rotate(&candidate.body.line(part)))
     });
-    let places: Vec<[f64; 2]> = places.collect();
-    let Some(middle) = places.get(places.len() / 2) else {
+    let positions: Vec<[f64; 2]> = positions.collect();
+    let Some(middle) = positions.get(positions.len() / 2) else {
         return;
     };
     let reach = 2.0 * drawn_px(view, *middle, candidate.clear_e, fidelity) + 1.0;
@@ -95,66 +97,73 @@ fn add_work(
         let near = |x: f64, pixels: usize| x > -reach && x < pixels as f64 + reach;
         near(at[0], detector.width) && near(at[1], detector.height)
     };
-    let lit = places.iter().filter(|at| inside(at)).count() as f64 / PLACES as f64;
+    let lit = positions.iter().filter(|at| inside(at)).count() as f64 / SAMPLES as f64;
     if lit == 0.0 {
-        work.looks += share * 7.0;
-        work.moving_ms += share * 7.0 * LOOK_NS * 1e-6;
+        work.evaluations += share * 7.0;
+        work.moving_ms += share * 7.0 * EVALUATION_NS * 1e-6;
         return;
     }
-    let steps = places
+    let steps = positions
         .windows(2)
         .map(|ends| [0, 1].map(|k| ends[1][k] - ends[0][k]));
-    let (way, down) = steps.fold((0.0, 0.0), |(way, down), [x, y]: [f64; 2]| {
-        (way + libm::hypot(x, y) * lit, down + y.abs() * lit)
+    let (path_px, down) = steps.fold((0.0, 0.0), |(path_px, down), [x, y]: [f64; 2]| {
+        (path_px + libm::hypot(x, y) * lit, down + y.abs() * lit)
     });
-    if way <= fidelity.skip_px {
-        // A track that short is a point.
+    if path_px <= fidelity.skip_px {
+        // So short a track is a point.
         return;
     }
     let [across, rows] = detector.sides().map(|pixels| reach.min(pixels));
     let side = (across * rows).sqrt();
     let [step_px, panel_px, point_px] = imaging.steps_px(candidate);
-    let least = if way <= panel_px { 1.0 } else { 2.0 };
-    let panels = (way / step_px).max(least);
-    let points = if way <= point_px { 1.0 } else { 2.0 * panels };
+    let min_panels = if path_px <= panel_px { 1.0 } else { 2.0 };
+    let panels = (path_px / step_px).max(min_panels);
+    let points = if path_px <= point_px {
+        1.0
+    } else {
+        2.0 * panels
+    };
     let stamp_ns = camera.optics.psf.stamp_ns(side);
-    let looks = 2.0 * panels + 7.0;
-    let (points_ns, moving_looks) = match imaging.even(candidate) {
+    let evaluations = 2.0 * panels + 7.0;
+    let (points_ns, moving_evaluations) = match imaging.even(candidate) {
         Some(even) if points > 1.0 => {
-            let length = way / even.sigma_px;
+            let length = path_px / even.sigma_px;
             let error = fidelity.streak_error(length, even.height_e) / 2.0;
             let dots = rule::count(length, error) as f64;
-            (dots * (DOT_NS + side * side * LAID_NS), WAY_LOOKS)
+            (
+                dots * (DOT_NS + side * side * DOT_PIXEL_NS),
+                PATH_EVALUATIONS,
+            )
         }
-        _ => (points * stamp_ns, looks),
+        _ => (points * stamp_ns, evaluations),
     };
-    work.looks += share * moving_looks;
-    let moving_ns = points_ns + moving_looks * LOOK_NS + way * side * FOOTPRINT_NS;
+    work.evaluations += share * moving_evaluations;
+    let moving_ns = points_ns + moving_evaluations * EVALUATION_NS + path_px * side * FOOTPRINT_NS;
     work.moving_ms += share * moving_ns * 1e-6;
 
-    // The rows of an image open during some of its panels, at least two, and close during as many.
+    // The rows of an image open during at least two of its panels, and close during as many.
     let panels = panels.max(2.0);
     let rows = rows + down;
     let opening_s = rows * camera.readout_s() / detector.height as f64;
     let cut = (2.0 * (1.0 + opening_s * panels / seconds)).min(panels);
-    let looks = 2.0 * panels + 2.0 * cut + CROSSING;
-    work.rolling_looks += share * looks;
-    let rolling_ns = cut * (2.0 * stamp_ns + 4.0 * (POINT_NS + rows * ROW_NS)) + looks * LOOK_NS;
+    let evaluations = 2.0 * panels + 2.0 * cut + CROSSING_EVALUATIONS;
+    work.rolling_evaluations += share * evaluations;
+    let rolling_ns =
+        cut * (2.0 * stamp_ns + 4.0 * (POINT_NS + rows * ROW_NS)) + evaluations * EVALUATION_NS;
     // With a rolling shutter, streaks of Gaussians are drawn by panels too.
     let rolling_ns = rolling_ns + points * stamp_ns - points_ns;
     work.rolling_ms += share * rolling_ns * 1e-6;
 }
 
-/// Estimated time of smearing area light, ms: edges are assumed to cross the field once.
+/// Estimated time of smearing area light, ms; assumes that edges cross the field once.
 pub fn areas_smear_ms(view: &View) -> f64 {
-    // Pixels that an edge crosses, and those near it; of motion below a pixel only the former.
+    // Pixels that an edge crosses; and with pixels near it, for motion beyond a pixel.
     const EDGE_PX: f64 = 1.5;
     const LIMB_PX: f64 = 8.0;
     const STEP_NS: f64 = 200.0;
-    // Evaluations of even light, a pixel.
-    const PLACES: f64 = 0.01;
-    // Evaluations of each pixel of light with detail below FEW_PX, for each of its panels' first
-    // ones.
+    // Evaluations of even light for each pixel.
+    const EVEN: f64 = 0.01;
+    // Evaluations of light with detail below FEW_PX, for each initial evaluation.
     const HALVED: f64 = 6.0;
     const FEW_PX: f64 = 32.0;
     let edged = view.areas.iter().filter(|area| area.has_edges());
@@ -164,17 +173,17 @@ pub fn areas_smear_ms(view: &View) -> f64 {
     let [columns, rows] = view.camera.detector.sides();
     let near_px = if px > 1.0 { LIMB_PX } else { EDGE_PX };
     let smeared = ((near_px + px) * (columns + rows)).min(pixels as f64);
-    let looks = view.areas.iter().map(|area| {
+    let evaluations = view.areas.iter().map(|area| {
         let is_fine = !area.has_edges() && area.detail() * view.scale_and_corner_px.0 < FEW_PX;
         let panels = area.radiance.as_ref().map(|of| panels(of.as_ref(), px));
-        // Two places a panel, beside the middle.
-        (2 * panels.unwrap_or(0)) as f64 * if is_fine { HALVED } else { PLACES }
+        // Two evaluations a panel, besides the middle.
+        (2 * panels.unwrap_or(0)) as f64 * if is_fine { HALVED } else { EVEN }
     });
-    let looking = pixels as f64 * looks.sum::<f64>() * AREA_LOOK_NS;
-    (edged.count() as f64 * smeared * steps * STEP_NS + looking) * 1e-6
+    let evaluating_ns = pixels as f64 * evaluations.sum::<f64>() * AREA_EVALUATION_NS;
+    (edged.count() as f64 * smeared * steps * STEP_NS + evaluating_ns) * 1e-6
 }
 
-/// Time of the still images of `sources`, and of drawing them as they are, ms.
+/// Time of the still images of `sources`, and of drawing their present images, ms.
 pub fn still_ms<'a>(
     scene: &Scene,
     sources: impl Iterator<Item = &'a Source>,
@@ -194,15 +203,15 @@ pub fn still_ms<'a>(
         } else {
             drawn.sqrt()
         };
-        let kept_ns = if points > 1.0 { ADDED_NS } else { FOOTPRINT_NS };
-        // Some of its kind are near the field, and evaluated without an image.
-        points * (SOURCE_NS + 5.0 * LOOK_NS + psf.stamp_ns(side) + side * side * kept_ns)
+        let pixel_ns = if points > 1.0 { ADDED_NS } else { FOOTPRINT_NS };
+        // Further sources near the field are evaluated without an image.
+        points * (SOURCE_NS + 5.0 * EVALUATION_NS + psf.stamp_ns(side) + side * side * pixel_ns)
             + drawn * DRAWN_NS
     });
     still.sum::<f64>() * 1e-6
 }
 
-/// How far the light of a source at `at` (px) is drawn, px.
+/// Drawing radius of a source at `at` (px), px.
 fn drawn_px(view: &View, at: [f64; 2], electrons: f64, fidelity: &Fidelity) -> f64 {
     let psf = view.camera.optics.psf_at(at, 1.0);
     psf.drawn_px(fidelity, electrons)

@@ -55,7 +55,7 @@ fn every_level_draws_what_single_pixels_draw() {
         let pixels = (first..).zip(&single);
         let read = pixels.map(|(pixel, e)| e + sigma * normal(word(KEY, 6, pixel)));
         let read: Vec<f32> = read.collect();
-        let dn: Vec<u16> = read.iter().map(|e| converter.digit(*e)).collect();
+        let dn: Vec<u16> = read.iter().map(|e| converter.dn(*e)).collect();
         assert!(single.iter().all(|k| *k >= 0.0 && k.is_finite()));
         let levels = Level::available().into_iter().map(Some);
         for level in levels.chain([None]) {
@@ -70,9 +70,9 @@ fn every_level_draws_what_single_pixels_draw() {
         }
     }
     for e in [f32::NAN, f32::NEG_INFINITY, -1e9] {
-        assert_eq!(converter.digit(e), 0);
+        assert_eq!(converter.dn(e), 0);
     }
-    assert_eq!(converter.digit(f32::INFINITY), 4095);
+    assert_eq!(converter.dn(f32::INFINITY), 4095);
 }
 
 #[test]

@@ -94,18 +94,18 @@ fn area_light_beyond_saturation_is_not_computed() {
         let (emulator, vehicle) = (&limb.emulator, limb.vehicle(0));
         let scene = emulator.scene(&emulator.camera(), &vehicle, 0, &emulator.choice);
         let areas = scene.unwrap().areas;
-        let requested: usize = areas.iter().map(|area| area.requested.lights).sum();
+        let evaluations: usize = areas.iter().map(|area| area.work.lights).sum();
         let exposed = expose(&mut limb, 0);
         let held = expected(&exposed).iter().map(|e| e.min(full_well_e as f32));
-        (held.collect::<Vec<f32>>(), requested)
+        (held.collect::<Vec<f32>>(), evaluations)
     };
     let tolerances = Fidelity::REALTIME;
-    let (full, requested) = held(2e4, tolerances);
+    let (full, evaluations) = held(2e4, tolerances);
     let (exact, _) = held(2e4, Fidelity::REFERENCE);
-    let (_, requested_of_all) = held(1e12, tolerances);
+    let (_, evaluations_of_all) = held(1e12, tolerances);
     assert!(
-        3 * requested < 2 * requested_of_all,
-        "{requested} of {requested_of_all}"
+        3 * evaluations < 2 * evaluations_of_all,
+        "{evaluations} of {evaluations_of_all}"
     );
     let some = full.iter().filter(|e| **e >= 2e4).count();
     assert!(some > full.len() / 4 && some < full.len(), "{some}");

@@ -107,7 +107,7 @@ fn turned(emulator: &Emulator, original: &View, turn: &Attitude) -> View {
                 seen.lines_m = seen.lines_m.map(|line| turn.rotate(&line));
                 *object = Arc::new(seen);
             }
-            Body::Wanderer(body) => {
+            Body::Planet(body) => {
                 body.directions = body.directions.map(|direction| turn.rotate(&direction));
                 body.centre = turn.rotate(&body.centre);
                 for element in &mut body.elements {

@@ -1,7 +1,7 @@
 //! An area source on the pixels.
 
-use super::asked::Requested;
 use super::light::Light;
+use super::raster_work::RasterWork;
 use crate::scene::effect_set::EffectId;
 use skyloop_orbit::sgp4_batch::Level;
 use std::borrow::Cow;
@@ -13,7 +13,7 @@ pub struct AreaLight {
     pub effect: EffectId,
     /// Why there is none.
     pub dark: Option<Cow<'static, str>>,
-    /// On the pixels; none where it is too faint for any.
+    /// On the pixels; none if too faint.
     pub(super) light: Option<Light>,
     /// The least and the most light of a pixel of each column of cells (`bounds::cells`), e-.
     pub(super) ends: Vec<[f32; 2]>,
@@ -21,19 +21,19 @@ pub struct AreaLight {
     pub electrons: f64,
     /// The most in a pixel, e-.
     pub most_e: f64,
-    /// Whether all of it is lost in noise.
+    /// Whether its total is lost in noise.
     pub is_thin: bool,
     /// The work of rasterizing it.
-    pub requested: Requested,
+    pub work: RasterWork,
 }
 
 impl AreaLight {
-    /// On the pixels; none where it is too faint for any.
+    /// On the pixels; none if too faint.
     pub fn light(&self) -> Option<&Light> {
         self.light.as_ref()
     }
 
-    /// On each pixel, row by row, e-; empty where it is too faint for any.
+    /// On each pixel, row by row, e-; empty if too faint.
     pub fn e(&self) -> &[f32] {
         self.light().map(Light::e).unwrap_or_default()
     }
@@ -55,7 +55,7 @@ impl AreaLight {
         self.ends.iter().map(|[_, most]| f64::from(*most)).collect()
     }
 
-    /// The least light of a pixel in each column of cells, e-; empty where it is too faint for any.
+    /// The least light of a pixel in each column of cells, e-; empty if too faint.
     pub fn floor_e(&self) -> impl Iterator<Item = f32> {
         self.ends.iter().map(|[least, _]| *least)
     }

@@ -1,14 +1,13 @@
-//! The point spread function on area light: at edges and fine detail each pixel gets light of its
-//! neighbours.
+//! The point spread function on area light, at edges and fine detail.
 //!
 //! ```text
 //! N_xy <- sum_ij K_ij N_(x-i)(y-j),   sum K = 1
 //! ```
 //!
-//! K is the spread of a point in the middle of a pixel over the pixels around it, without the
-//! pixel's own width, of the Sun's colour, in the middle of a patch of the detector. Even light
-//! does not change. Wings reach as far as they matter, at most [`FURTHEST`] pixels; the light
-//! further out is distributed evenly over those.
+//! K is the spread of a point in the middle of a pixel over the pixels around it: without the
+//! pixel's own width, in the Sun's colour, in the middle of a patch of the detector. Uniform light
+//! does not change. Wings reach at most [`FURTHEST`] pixels; the light further out is distributed
+//! evenly over these.
 
 use crate::camera::{Camera, Stamp};
 use crate::fidelity::Fidelity;
@@ -18,14 +17,14 @@ const FURTHEST: usize = 24;
 /// Side of the patches that have one spread, px: as many as a word has bits.
 pub const PATCH: usize = u64::BITS as usize;
 
-/// Width below which less of the pixel's width is taken out of a spread, px.
+/// Core width below which less of the pixel's width is removed from a spread, px.
 const NARROW_PX: f64 = 0.5;
-/// Pixels of a row that are added up together; as many are read beyond the last.
+/// Pixels of a row added up together; the buffer has as many more at its end.
 pub const LANES: usize = 8;
 
-/// ns of a pixel whose light is blurred.
+/// Time of a blurred pixel, ns.
 pub const BLURRED_NS: f64 = 50.0;
-/// ns of each neighbour's contribution to it.
+/// Time of each neighbour's contribution, ns.
 pub const SPREAD_NS: f64 = 0.07;
 
 /// How a camera spreads area light.
@@ -36,7 +35,7 @@ pub struct Blur<'a> {
 }
 
 impl<'a> Blur<'a> {
-    /// For light up to `most_e` in a pixel. Without edges nothing is spread.
+    /// For light up to `most_e` in a pixel. Without edges light is not blurred.
     pub fn new(camera: &'a Camera, most_e: f64, has_edges: bool, fidelity: &Fidelity) -> Blur<'a> {
         let bound =
             (fidelity.area_e / most_e.max(f64::MIN_POSITIVE)).clamp(fidelity.psf_loss, 1e-3);
@@ -77,7 +76,7 @@ impl<'a> Blur<'a> {
                 }
             }
         }
-        // Taking the pixel's width out of a narrow spread may leave less than nothing.
+        // A narrow spread without the pixel's width may have negative terms.
         lanes.iter().sum::<f32>().max(0.0)
     }
 
@@ -85,8 +84,8 @@ impl<'a> Blur<'a> {
     /// where light arrives.
     ///
     /// A point's share S of each pixel contains the pixel's width, and so does the light that it is
-    /// applied to. It is taken out to second order, `K = S - S'' / 24` along columns and along
-    /// rows, which is narrower by a pixel's variance, 1/12 px^2. Each row is padded with zeros.
+    /// applied to. The kernel removes it to second order, `K = S - S'' / 24` along columns and
+    /// rows: its variance is smaller by that of a pixel, 1/12 px^2. Each row is padded with zeros.
     pub fn kernel(&self, at: [usize; 2]) -> Vec<[f32; LANES]> {
         let middle = at.map(|from| from as f64 + PATCH as f64 / 2.0);
         let psf = self.camera.optics.psf_at(middle, 1.0);

@@ -1,5 +1,5 @@
-//! Where area light alone, of all its sources together, fills all pixels. What pixels get there
-//! beyond their full well is lost, and need not be evaluated. The criterion:
+//! Regions in which the sum of all area light fills all pixels. Light beyond the full well is lost
+//! there and need not be evaluated. The criterion:
 //!
 //! ```text
 //! responds * sum over sources of N_xy > 2 (2 full well + 100)
@@ -9,7 +9,7 @@
 //! exposure.
 
 use super::blur::Blur;
-use super::motion::AREA_LOOK_NS;
+use super::motion::AREA_EVALUATION_NS;
 use super::plane::{Plane, received};
 use super::radiance::Area;
 use crate::camera::Blooming;
@@ -22,12 +22,12 @@ use rayon::prelude::*;
 
 /// Side of a cell, px.
 const CELL_PX: usize = 16;
-/// The same at most where the question is a whole frame, and cells along the path that light moves.
+/// Greatest side in the test of a whole frame, and number of cells along the path of the light.
 const LARGEST_PX: usize = 256;
-const CELLS_A_WAY: usize = 32;
-/// Margin of the criterion over what fills a pixel for certain.
-const SURE: f64 = 2.0;
-/// Below this tolerance (1) full pixels are evaluated too: such frames serve as references.
+const CELLS_A_PATH: usize = 32;
+/// Margin of the criterion.
+const MARGIN: f64 = 2.0;
+/// Below this tolerance (1) full pixels are evaluated too: such frames are references.
 const MIN_PART: f64 = 1e-5;
 
 /// Cells of the detector, and of the pixels around it that give light to it.
@@ -43,8 +43,8 @@ pub struct Full {
 }
 
 impl Full {
-    /// The cells that `areas` fill in a frame with those effects. None where charge spills, or is
-    /// shifted through light: what full pixels get beyond their well then shows elsewhere.
+    /// The cells that `areas` fill in a frame with those effects. None with blooming or frame
+    /// transfer: they move the excess of full pixels to other pixels.
     pub fn of<'a>(
         view: &View,
         areas: impl Iterator<Item = &'a Area>,
@@ -59,10 +59,10 @@ impl Full {
         Full::by_cells(view, areas, simulated, fidelity, |_| CELL_PX)
     }
 
-    /// Whether they fill all pixels of a frame with those effects, on cells that are larger the
-    /// further light moves. If all are full, they also are when charge spills or is shifted.
+    /// Whether a view's areas fill all pixels of a frame with those effects. Cells are larger the
+    /// further light moves. The result also holds with blooming and frame transfer.
     pub fn is_all(view: &View, simulated: &EffectSet, fidelity: &Fidelity) -> bool {
-        let side = |moved_px: usize| (moved_px / CELLS_A_WAY).clamp(CELL_PX, LARGEST_PX);
+        let side = |moved_px: usize| (moved_px / CELLS_A_PATH).clamp(CELL_PX, LARGEST_PX);
         let full = Full::by_cells(view, view.areas.iter(), simulated, fidelity, side);
         let detector = &view.camera.detector;
         let last = [detector.width, detector.height].map(|pixels| pixels - 1);
@@ -82,7 +82,7 @@ impl Full {
         let detector = &view.camera.detector;
         let areas: Vec<&Area> = areas.filter(|area| simulated.has(area.effect)).collect();
         let responds = 1.0 - detector.pattern.worst_response();
-        let enough_e = SURE * flooding_e(detector) / responds.max(f64::MIN_POSITIVE);
+        let enough_e = MARGIN * flooding_e(detector) / responds.max(f64::MIN_POSITIVE);
         let peak_e: f64 = areas.iter().map(|area| area.peak_e).sum();
         if !simulated.has(EffectId::FullWell) || peak_e < enough_e || fidelity.area_part < MIN_PART
         {
@@ -99,15 +99,15 @@ impl Full {
         let before = margin.div_ceil(side) + reach;
         let cells = |pixels: usize| pixels.div_ceil(side) + 2 * before;
         let [across, down] = [detector.width, detector.height].map(cells);
-        let looks = (across + 1) as f64 * (down + 1) as f64 * sky.sources.len() as f64;
-        view.limit.spend(looks * AREA_LOOK_NS);
+        let evaluations = (across + 1) as f64 * (down + 1) as f64 * sky.sources.len() as f64;
+        view.limit.spend(evaluations * AREA_EVALUATION_NS);
         if view.limit.is_over() {
             return Full::default();
         }
         let position = |i: usize| i as f64 * side as f64 - (before * side) as f64;
         let lit = (0..(across + 1) * (down + 1)).into_par_iter().map(|i| {
             let at = [i % (across + 1), i / (across + 1)].map(position);
-            // What a cancelled frame finds is not used.
+            // Not used once the frame is cancelled.
             !view.limit.is_cancelled() && sky.e(at) >= enough_e
         });
         let lit: Vec<bool> = lit.collect();
@@ -115,13 +115,13 @@ impl Full {
         let wide = across + 2;
         let mut dark = vec![0u32; wide * (down + 2)];
         for (row, lit) in lit.chunks_exact(across + 1).enumerate() {
-            let mut here = 0;
+            let mut row_dark = 0;
             for (column, lit) in lit.iter().enumerate() {
-                here += u32::from(!lit);
-                dark[(row + 1) * wide + column + 1] = dark[row * wide + column + 1] + here;
+                row_dark += u32::from(!lit);
+                dark[(row + 1) * wide + column + 1] = dark[row * wide + column + 1] + row_dark;
             }
         }
-        // A cell and those around it, from one corner to the other.
+        // A cell and those around it, by the counts at four corners.
         let is_full = |x: usize, y: usize| {
             let around =
                 |i: usize, all: usize| [i.saturating_sub(reach), (i + reach + 2).min(all + 1)];
@@ -144,7 +144,7 @@ impl Full {
         }
     }
 
-    /// Whether all pixels of a square are full; false far outside of the detector.
+    /// Whether all pixels of a square are full; false far outside the detector.
     pub fn has(&self, [x, y]: [i64; 2], side: usize) -> bool {
         if self.cells.is_empty() {
             return false;

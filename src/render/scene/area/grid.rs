@@ -1,19 +1,19 @@
 //! The grid of pixels on and around the detector on which an area source is evaluated.
 
-use super::asked::Requested;
 use super::full::Full;
-use super::motion::{AREA_LOOK_NS, mean, panels};
+use super::motion::{AREA_EVALUATION_NS, mean, panels};
 use super::plane::{Plane, received};
 use super::radiance::Radiance;
+use super::raster_work::RasterWork;
 use crate::fidelity::Fidelity;
 use nalgebra::Vector3;
 
 /// Side of the grid's largest squares, px.
 pub const LARGEST: usize = 256;
-/// Side of the smallest squares, px: those that interpolation does not fill are sampled.
+/// Side of the smallest squares, px: if not interpolated, they are sampled.
 pub const SMALLEST: usize = 4;
-/// How far the middle of a moving panel may be off the line between its ends, in units of what
-/// interpolation may miss. Simpson's rule then errs by far less.
+/// Greatest deviation of the middle of a moving panel from the line between its ends, in tolerances
+/// of the interpolation. Simpson's rule then errs by far less.
 const BEND: f64 = 12.0;
 
 /// A source, the plane it falls on, and its tolerances.
@@ -27,14 +27,14 @@ pub struct Grid<'a, 'v> {
     pub full: &'a Full,
     /// How far the pattern moves while a pixel is open, rad.
     pub motion: f64,
-    /// Whether light without an edge is as in the middle of that time throughout.
+    /// Whether light without an edge is constant during that time.
     pub is_still: bool,
     /// Columns and rows of the detector.
     pub detector: [usize; 2],
     /// Pixels that are needed around the detector.
     pub margin: usize,
     /// Columns and rows of the grid before the detector's first. A multiple of the largest square,
-    /// so that squares lie alike on the detector with any margin.
+    /// so that squares do not depend on the margin.
     pub rim: usize,
 }
 
@@ -60,7 +60,7 @@ impl<'a, 'v> Grid<'a, 'v> {
         }
     }
 
-    /// Whether any pixel is needed of the square from a column and row of the grid on.
+    /// Whether any pixel of a square, given by its first column and row, is needed.
     pub fn is_needed(&self, from: [usize; 2], side: usize) -> bool {
         from.iter().zip(self.detector).all(|(from, pixels)| {
             let needed = self.rim - self.margin..self.rim + pixels + self.margin;
@@ -73,10 +73,10 @@ impl<'a, 'v> Grid<'a, 'v> {
         self.fidelity.area_e + self.fidelity.area_part * e.abs()
     }
 
-    /// The light of the pixel around a place, e-: the mean over its time, or that in the middle
-    /// where the pattern hardly moves. None where the plane has no direction, or the work limit is
+    /// The light of the pixel around a position, e-: the mean over its time, or the value in the
+    /// middle if the pattern hardly moves. None if the plane has no direction, or the work limit is
     /// over.
-    pub fn at(&self, x: f64, y: f64, requested: &mut Requested) -> Option<f64> {
+    pub fn at(&self, x: f64, y: f64, work: &mut RasterWork) -> Option<f64> {
         if self.plane.limit().is_over() {
             return None;
         }
@@ -88,18 +88,18 @@ impl<'a, 'v> Grid<'a, 'v> {
             self.light(&(sky * seen), taken)
         };
         let bent = |value: f64| BEND * self.may_miss(value);
-        let (mean, looks) = match panels(self.radiance, moved_px) {
+        let (mean, evaluations) = match panels(self.radiance, moved_px) {
             0 => (light(0.5), 1),
             panels => mean(light, panels, bent),
         };
-        requested.lights += 1;
-        requested.smeared += looks - 1;
-        let ns = self.plane.place_ns() + looks as f64 * AREA_LOOK_NS;
+        work.lights += 1;
+        work.smeared += evaluations - 1;
+        let ns = self.plane.place_ns() + evaluations as f64 * AREA_EVALUATION_NS;
         self.plane.limit().spend(ns);
         Some(mean)
     }
 
-    /// The light that a pixel which takes `taken` sr gets from a direction, e-.
+    /// The light from a direction on a pixel of `taken` sr, e-.
     pub fn light(&self, direction: &Vector3<f64>, taken: f64) -> f64 {
         received(self.radiance, direction, taken) * self.scale_e
     }

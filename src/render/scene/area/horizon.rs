@@ -1,4 +1,4 @@
-//! Where the Earth's limb is, and what it hides.
+//! The Earth's limb relative to the field.
 
 use super::radiance::Edge;
 use crate::scene::view::View;
@@ -20,14 +20,14 @@ pub struct Horizon {
 }
 
 impl Horizon {
-    /// The Earth before a view's observer; none without an orbit.
+    /// The Earth as a view's observer sees it; none without an orbit.
     pub fn of(view: &View) -> Option<Horizon> {
         view.vehicle.orbit?;
         let (r, v) = (view.observer.position_m, view.observer.velocity_m_s);
         let limb = Earth::at(view.exposure.mid).limb_cone(r)?;
         let turning = r.cross(&v) / r.norm_squared();
         let motion = view.turn + turning.norm() * view.open_s;
-        // The point spread function brings light from beside the detector.
+        // The point spread function brings light from outside the detector.
         let cone = view.camera.cone_rad(MARGIN_PX) + motion / 2.0;
         let boresight = view.pointing(0.0).matrix().transpose() * Vector3::z();
         let off = limb.angle(&boresight);
@@ -60,24 +60,26 @@ impl Horizon {
         self.has_limb().then_some(self)
     }
 
-    /// Bound of the angle above the limb at which a height (m) is seen, rad; pi from within.
+    /// Bound of the angle above the limb at which a height (m) is seen, rad; pi for an observer
+    /// below it.
     pub fn height_of(&self, height_m: f64) -> f64 {
         let top = (EARTH_RADIUS_M + height_m) / self.distance_m;
         if top >= 1.0 {
             return std::f64::consts::PI;
         }
-        libm::asin(top) - libm::asin((self.least_m() / self.distance_m).min(1.0))
+        libm::asin(top) - libm::asin((self.polar_radius_m() / self.distance_m).min(1.0))
     }
 
-    /// The lowest height in the field beside the Earth, m: the inverse of [`Horizon::height_of`].
+    /// The lowest height in the field off the Earth's disc, m: the inverse of
+    /// [`Horizon::height_of`].
     pub fn lowest_m(&self) -> f64 {
-        let limb = libm::asin((self.least_m() / self.distance_m).min(1.0));
+        let limb = libm::asin((self.polar_radius_m() / self.distance_m).min(1.0));
         let angle = (limb + self.nearest()).clamp(0.0, FRAC_PI_2);
         self.distance_m * libm::sin(angle) - EARTH_RADIUS_M
     }
 
-    /// The least radius of the Earth, m.
-    fn least_m(&self) -> f64 {
+    /// The polar radius of the Earth, m.
+    fn polar_radius_m(&self) -> f64 {
         EARTH_RADIUS_M * (1.0 - EARTH_FLATTENING)
     }
 
@@ -97,7 +99,7 @@ impl Edge for Horizon {
     }
 }
 
-/// How far from beside the detector light comes, px.
+/// Greatest distance outside the detector from which light comes, px.
 const MARGIN_PX: f64 = 25.0;
-/// Error of angles from the limb of the ellipsoid, far from it, rad.
+/// Error of angles far from the limb of the ellipsoid, rad.
 const SLACK: f64 = 0.006;

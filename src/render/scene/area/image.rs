@@ -1,11 +1,11 @@
 //! From an area source to its light on the pixels.
 
 use super::area_light::AreaLight;
-use super::asked::Requested;
 use super::blur::Blur;
 use super::full::Full;
 use super::plane::Plane;
 use super::radiance::Area;
+use super::raster_work::RasterWork;
 use super::rasterize::rasterize;
 use crate::fidelity::Fidelity;
 use crate::scene::blooming::flooding_e;
@@ -39,8 +39,8 @@ pub fn is_flooded(view: &View, simulated: &EffectSet, fidelity: &Fidelity) -> bo
     is_dark || Full::is_all(view, simulated, fidelity)
 }
 
-/// The light of an area source on the pixels of a frame with those effects, of which area light
-/// fills some (`full`).
+/// The light of an area source on the pixels of a frame with those effects; area light fills the
+/// pixels of `full`.
 pub fn lit_by(
     view: &View,
     area: &Area,
@@ -56,7 +56,7 @@ pub fn lit_by(
         electrons: 0.0,
         most_e: area.peak_e,
         is_thin: true,
-        requested: Requested::default(),
+        work: RasterWork::default(),
     };
     let radiance = match &area.radiance {
         Ok(radiance) => radiance.as_ref(),
@@ -68,7 +68,7 @@ pub fn lit_by(
     let plane = Plane::new(view, simulated, radiance.turning());
     let has_edges = radiance.edge().is_some();
     let blur = Blur::new(&view.camera, area.peak_e, has_edges, fidelity);
-    let (light, requested) = rasterize(radiance, &plane, &blur, full, fidelity);
+    let (light, work) = rasterize(radiance, &plane, &blur, full, fidelity);
     let electrons = light.sum();
     if electrons == 0.0 {
         return none(Some(area.unlit.into()));
@@ -84,6 +84,6 @@ pub fn lit_by(
         electrons,
         most_e,
         is_thin: is_too_thin(view, most_e, simulated, fidelity),
-        requested,
+        work,
     }
 }

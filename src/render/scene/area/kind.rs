@@ -1,4 +1,4 @@
-//! What an area source is: its effect, and how to find its light.
+//! Kinds of area sources: the effect, and the function that finds the light.
 
 use super::plane::{Plane, received};
 use super::radiance::{Area, Found, Radiance};
@@ -9,8 +9,8 @@ use crate::scene::world::World;
 use nalgebra::Vector3;
 use std::fmt;
 
-/// Pixels along a side of the field at which a radiance is evaluated before it is rasterized.
-const PLACES: usize = 4;
+/// Samples of the radiance along a side of the field, before it is rasterized.
+const SAMPLES: usize = 4;
 
 /// A kind of area source.
 #[derive(Clone, Copy)]
@@ -55,19 +55,19 @@ pub fn areas(
     areas.collect()
 }
 
-/// The light of the brightest of some pixels all over the field, e-.
+/// The light of the brightest of some pixels over the whole field, e-.
 fn brightest_e(radiance: &dyn Radiance, plane: &Plane<'_>) -> f64 {
     let [columns, rows] = plane.detector().sides();
     let (scale_e, sky) = (plane.scale_e(radiance), plane.to_sky(0.0));
-    let part = |i: usize| i as f64 / (PLACES - 1) as f64;
-    let places = (0..PLACES * PLACES).map(|i| {
+    let part = |i: usize| i as f64 / (SAMPLES - 1) as f64;
+    let samples = (0..SAMPLES * SAMPLES).map(|i| {
         let at = [
-            part(i % PLACES) * (columns - 1.0),
-            part(i / PLACES) * (rows - 1.0),
+            part(i % SAMPLES) * (columns - 1.0),
+            part(i / SAMPLES) * (rows - 1.0),
         ];
         plane.taken(at).map_or(0.0, |(seen, taken)| {
             received(radiance, &(sky * seen), taken) * scale_e
         })
     });
-    places.fold(0.0, f64::max)
+    samples.fold(0.0, f64::max)
 }

@@ -1,11 +1,11 @@
 //! The nodes of the grid at which area light is evaluated first.
 
-use super::asked::Requested;
 use super::grid::Grid;
 use super::lines::Square;
+use super::raster_work::RasterWork;
 use rayon::prelude::*;
 
-/// Part of the tolerance that is left to bends between the nodes.
+/// Part of the tolerance reserved for bends between the nodes.
 const SPARE: f64 = 0.5;
 
 /// The light at nodes half a square apart.
@@ -16,10 +16,10 @@ pub struct Known {
     before: usize,
     /// Nodes a row.
     across: usize,
-    /// e-, row by row; none where the plane has no direction.
+    /// Light (e-) row by row; none where the plane has no direction.
     e: Vec<Option<f64>>,
-    /// The work of evaluating it.
-    pub requested: Requested,
+    /// The work of the evaluations.
+    pub work: RasterWork,
 }
 
 impl Known {
@@ -30,24 +30,24 @@ impl Known {
         let [across, down] = grid.detector.map(|pixels| 2 * squares(pixels) + 1);
         let position = |i: usize| (i * side / 2) as f64 - margin as f64;
         let rows = (0..down).into_par_iter().map(|row| {
-            let mut requested = Requested::default();
-            let places =
-                (0..across).map(|column| grid.at(position(column), position(row), &mut requested));
-            (places.collect(), requested)
+            let mut work = RasterWork::default();
+            let lights =
+                (0..across).map(|column| grid.at(position(column), position(row), &mut work));
+            (lights.collect(), work)
         });
-        let rows: Vec<(Vec<Option<f64>>, Requested)> = rows.collect();
-        let mut requested = Requested::default();
-        rows.iter().for_each(|(_, of_row)| requested += *of_row);
+        let rows: Vec<(Vec<Option<f64>>, RasterWork)> = rows.collect();
+        let mut work = RasterWork::default();
+        rows.iter().for_each(|(_, of_row)| work += *of_row);
         Known {
             side,
             before: grid.rim - margin,
             across,
             e: rows.into_iter().flat_map(|(row, _)| row).collect(),
-            requested,
+            work,
         }
     }
 
-    /// The light at the nine nodes of the square from a column and row on.
+    /// The light at the nine nodes of a square, given by its first column and row.
     pub fn nine(&self, [x, y]: [usize; 2], side: usize) -> [Option<f64>; 9] {
         let [column, row] = self.first_of([x, y]);
         let step = side / self.side;
@@ -60,11 +60,11 @@ impl Known {
     }
 
     fn at(&self, column: usize, row: usize) -> Option<f64> {
-        let places = self.e.get(row * self.across..(row + 1) * self.across)?;
-        places.get(column).copied().flatten()
+        let row = self.e.get(row * self.across..(row + 1) * self.across)?;
+        row.get(column).copied().flatten()
     }
 
-    /// The square, if interpolation between its nine nodes meets all known nodes in it.
+    /// The square, if interpolation between its nine nodes agrees with all known nodes in it.
     pub fn whole(&self, [x, y]: [usize; 2], side: usize, grid: &Grid<'_, '_>) -> Option<Square> {
         if grid.radiance.edge().is_some() {
             return None;
@@ -85,9 +85,9 @@ impl Known {
             for column in 0..=steps {
                 let left = (column / half).min(1);
                 let part = (column - left * half) as f64 / half as f64;
-                let told = line[left] + (line[left + 1] - line[left]) * part;
+                let interpolated = line[left] + (line[left + 1] - line[left]) * part;
                 let known = self.at(first_column + column, first_row + row)?;
-                if (known - told).abs() > SPARE * grid.may_miss(known) {
+                if (known - interpolated).abs() > SPARE * grid.may_miss(known) {
                     return None;
                 }
             }

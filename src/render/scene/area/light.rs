@@ -1,4 +1,4 @@
-//! Area light on the pixels: interpolated light all over the detector, and runs of pixels that
+//! Area light on the pixels: interpolated light over the whole detector, and runs of pixels that
 //! differ from it. Pixels are computed on demand.
 
 use super::lines::{Lines, Places};
@@ -9,8 +9,8 @@ use skyloop_base::abort::WorkLimit;
 use skyloop_orbit::sgp4_batch::Level;
 use std::sync::OnceLock;
 
-/// Pixels that are computed together.
-const FEW: usize = 32 * 1024;
+/// Pixels computed together.
+const CHUNK: usize = 32 * 1024;
 
 /// Light on each pixel.
 #[derive(Debug, Default)]
@@ -51,7 +51,7 @@ impl Light {
         self.runs.pixels()
     }
 
-    /// All of it, e-.
+    /// Total, e-.
     pub fn sum(&self) -> f64 {
         self.lines.sum() + self.runs.sum()
     }
@@ -69,16 +69,15 @@ impl Light {
         self.runs.add_to(None, first, electrons);
     }
 
-    /// The light pixel by pixel, as the shares of one electron.
+    /// The light pixel by pixel, as shares of one electron.
     pub fn footprint(&self) -> &Footprint {
         self.drawn.get_or_init(|| {
             let [width, height] = self.lines.size();
-            // On one thread: a thread that waited for others here could take up work that waits for
-            // this.
+            // On one thread: a waiting thread could steal work that waits for this result.
             let mut e = vec![0.0; width * height];
-            let parts = e.chunks_mut(FEW).enumerate();
+            let parts = e.chunks_mut(CHUNK).enumerate();
             let parts = parts.take_while(|_| !self.limit.is_cancelled());
-            parts.for_each(|(part, e)| self.add_to(Some(Level::best()), part * FEW, e));
+            parts.for_each(|(part, e)| self.add_to(Some(Level::best()), part * CHUNK, e));
             Footprint::whole(width, e)
         })
     }
@@ -123,14 +122,13 @@ impl Light {
         self.lines.most_of_cells(side, &mut cells);
         if !self.runs.is_empty() {
             let rows = cells.par_chunks_mut(across).enumerate();
-            rows.for_each(|(row, cells)| self.look_at_uneven(row * side, side, cells));
+            rows.for_each(|(row, cells)| self.recompute_uneven(row * side, side, cells));
         }
         cells.into_iter().map(f64::from).collect()
     }
 
-    /// Sets the cells in a row of cells whose pixels differ from the interpolation to the most in
-    /// them.
-    fn look_at_uneven(&self, top: usize, side: usize, cells: &mut [f32]) {
+    /// Recomputes the cells of a row of cells that contain pixels off the interpolation.
+    fn recompute_uneven(&self, top: usize, side: usize, cells: &mut [f32]) {
         let [width, height] = self.lines.size();
         let rows = top..(top + side).min(height);
         let mut uneven = vec![false; cells.len()];

@@ -18,16 +18,16 @@ pub struct Square {
     pub nodes: [f32; 9],
 }
 
-/// A stretch of a row: the light of its i-th pixel is `from + rise i`, e-.
+/// A segment of a row: the light of its i-th pixel is `from + rise i`, e-.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Stretch {
+struct Segment {
     column: usize,
     pixels: usize,
     from: f32,
     rise: f32,
 }
 
-/// Index of the square that a pixel is in, within its strip; on a grid of the smallest squares.
+/// Index of each pixel's square within its strip, on a grid of the smallest squares.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Places {
     side: usize,
@@ -35,7 +35,7 @@ pub struct Places {
     squares: Vec<u32>,
 }
 
-/// Interpolated light all over the detector.
+/// Interpolated light over the whole detector.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Lines {
     width: usize,
@@ -60,17 +60,17 @@ impl Square {
         [at(0), at(1), at(2)]
     }
 
-    /// The stretches of its j-th row.
-    fn stretches(&self, j: usize) -> [Stretch; 2] {
+    /// The two segments of its j-th row.
+    fn segments(&self, j: usize) -> [Segment; 2] {
         let half = self.side / 2;
         let (line, step) = (self.line(j), 1.0 / half as f32);
-        let stretch = |i: usize| Stretch {
+        let segment = |i: usize| Segment {
             column: self.x + i * half,
             pixels: half,
             from: line[i],
             rise: (line[i + 1] - line[i]) * step,
         };
-        [stretch(0), stretch(1)]
+        [segment(0), segment(1)]
     }
 
     /// Its light at the nine nodes of a square within it.
@@ -116,8 +116,8 @@ impl Square {
     }
 }
 
-/// Adds the sum of `parts` to `sum`. Each part is one square that contains this one, or the squares
-/// in it, quarter by quarter.
+/// Adds the sum of `parts` to `sum`. Each part is one square that contains this square, or the
+/// squares within it, quarter by quarter.
 fn add_up([x, y]: [usize; 2], side: usize, parts: &[&[Square]], sum: &mut Vec<Square>) {
     let is_small = |part: &&[Square]| part.first().is_some_and(|square| square.side < side);
     if !parts.iter().any(is_small) {
@@ -135,11 +135,11 @@ fn add_up([x, y]: [usize; 2], side: usize, parts: &[&[Square]], sum: &mut Vec<Sq
             if !is_small(&&**rest) {
                 return *rest;
             }
-            let is_here =
+            let is_inside =
                 |square: &&Square| columns.contains(&square.x) && rows.contains(&square.y);
-            let (here, after) = rest.split_at(rest.iter().take_while(is_here).count());
+            let (inside, after) = rest.split_at(rest.iter().take_while(is_inside).count());
             *rest = after;
-            here
+            inside
         });
         let quarter: Vec<&[Square]> = quarter.collect();
         add_up([columns.start, rows.start], half, &quarter, sum);
@@ -147,8 +147,8 @@ fn add_up([x, y]: [usize; 2], side: usize, parts: &[&[Square]], sum: &mut Vec<Sq
 }
 
 impl Lines {
-    /// Of squares, each of which lies in one strip of `side` rows: quarters of quarters, left
-    /// before right and upper before lower. Together they cover the detector.
+    /// Squares that cover the detector, each within a strip of `side` rows. They come in quadtree
+    /// order, left before right and upper before lower.
     pub fn new([width, height]: [usize; 2], side: usize, squares: Vec<Square>) -> Lines {
         let mut strips = vec![Vec::new(); height.div_ceil(side)];
         for square in squares {
@@ -169,7 +169,7 @@ impl Lines {
         [self.width, self.height]
     }
 
-    /// The part for a detector that begins after `rim` columns and rows, a multiple of the strips'
+    /// The part on a detector that begins after `rim` columns and rows, a multiple of the strips'
     /// height.
     pub fn within(&self, rim: usize, size: [usize; 2]) -> Lines {
         let squares = self.strips.iter().flatten();
@@ -181,7 +181,7 @@ impl Lines {
         Lines::new(size, self.side, inside.collect())
     }
 
-    /// The sum of several of the same detector and strips, on the smallest of their squares.
+    /// The sum of several, of the same detector and strips, on the smallest of their squares.
     pub fn of_all(all: &[&Lines]) -> Option<Lines> {
         let first = all.first()?;
         let mut sum = Lines {
@@ -197,14 +197,14 @@ impl Lines {
                 for x in (0..first.width).step_by(first.side) {
                     let whole = |square: &&Square| square.x < x + first.side;
                     let parts = rest.iter_mut().map(|rest| {
-                        let (here, after) = rest.split_at(rest.iter().take_while(whole).count());
+                        let (inside, after) = rest.split_at(rest.iter().take_while(whole).count());
                         *rest = after;
-                        here
+                        inside
                     });
                     let parts: Vec<&[Square]> = parts.collect();
                     add_up([x, y * first.side], first.side, &parts, strip);
                 }
-                // Quarters of squares that reach beyond the detector.
+                // Quarters outside the detector.
                 strip.retain(|square| square.x < first.width && square.y < first.height);
             });
         Some(sum)
@@ -219,14 +219,14 @@ impl Lines {
         for square in strips.iter().flatten() {
             let rows = square.y.max(rows.start)..(square.y + square.side).min(rows.end);
             for row in rows {
-                for stretch in square.stretches(row - square.y) {
+                for segment in square.segments(row - square.y) {
                     let position = |column: usize| row * width + column.min(width);
-                    let from = position(stretch.column);
-                    let to = position(stretch.column + stretch.pixels).min(past);
+                    let from = position(segment.column);
+                    let to = position(segment.column + segment.pixels).min(past);
                     let cut = first.saturating_sub(from);
                     if from + cut < to {
                         let pixels = &mut electrons[from + cut - first..to - first];
-                        kernels::ramp(level, stretch.from, stretch.rise, cut as u32, pixels);
+                        kernels::ramp(level, segment.from, segment.rise, cut as u32, pixels);
                     }
                 }
             }
@@ -239,7 +239,7 @@ impl Lines {
         let side = squares().map(|square| square.side).min().unwrap_or(1);
         let [across, down] = [self.width, self.height].map(|pixels| pixels.div_ceil(side));
         let mut places = vec![u32::MAX; across * down];
-        // Sides are powers of two. There may be a million squares, and a division is slow.
+        // Shifts, because divisions are slow for a million squares.
         let shift = side.trailing_zeros();
         for strip in &self.strips {
             for (square, i) in strip.iter().zip(0..) {
@@ -269,11 +269,11 @@ impl Lines {
                 x = (x / places.side + 1) * places.side;
                 continue;
             };
-            for stretch in square.stretches(row - square.y) {
-                let end = (stretch.column + stretch.pixels).min(past);
+            for segment in square.segments(row - square.y) {
+                let end = (segment.column + segment.pixels).min(past);
                 for at in x..end.max(x) {
                     electrons[at - from] +=
-                        stretch.from + stretch.rise * (at - stretch.column) as f32;
+                        segment.from + segment.rise * (at - segment.column) as f32;
                 }
                 x = end.max(x);
             }
@@ -301,7 +301,7 @@ impl Lines {
                     raise(0, 0, square.nodes.iter().copied().fold(0.0, f32::max));
                     continue;
                 }
-                // The corners bound a cell: no node lies within it.
+                // The corners bound a cell: no node lies inside.
                 for j in 0..=n {
                     std::mem::swap(&mut above, &mut below);
                     let line = square.line(j * side);
@@ -322,7 +322,7 @@ impl Lines {
         });
     }
 
-    /// All of it, e-.
+    /// Total, e-.
     ///
     /// ```text
     /// sum over i < n, j < m of a quarter's light = n m times that at (n - 1) / 2, (m - 1) / 2
@@ -352,8 +352,8 @@ impl Lines {
         sums.sum()
     }
 
-    /// The least and the most light of a pixel in each group of `columns` columns, e-: no straight
-    /// line exceeds its ends.
+    /// The least and the most light of a pixel in each group of `columns` columns, e-: a straight
+    /// line does not exceed its ends.
     pub fn ends_of(&self, columns: usize) -> Vec<[f32; 2]> {
         let mut ends = vec![[f32::INFINITY, 0.0f32]; self.width.div_ceil(columns)];
         for square in self.strips.iter().flatten() {
@@ -380,8 +380,7 @@ mod tests {
         pixels
     }
 
-    /// Two strips of four squares over 30 columns and 13 rows, one of them cut into quarters: of
-    /// light that is straight all over.
+    /// Two strips of four squares over 30 columns and 13 rows, one of them cut into quarters.
     fn lines(light: impl Fn(usize, usize) -> f32) -> Lines {
         let square = |x: usize, y: usize, side: usize| {
             let half = side / 2;
@@ -400,7 +399,7 @@ mod tests {
     }
 
     #[test]
-    fn straight_light_is_met_on_every_pixel_however_it_is_cut_into_runs() {
+    fn linear_light_is_exact_on_every_pixel_in_runs_of_any_length() {
         let light = |x: usize, y: usize| 3.0 + 0.5 * x as f32 + 0.25 * y as f32;
         let lines = lines(light);
         let expected: Vec<f32> = (0..30 * 13).map(|i| light(i % 30, i / 30)).collect();
@@ -414,14 +413,14 @@ mod tests {
         }
         let sum: f64 = expected.iter().copied().map(f64::from).sum();
         assert!((lines.sum() / sum - 1.0).abs() < 1e-12);
-        // X-Val: 3 + 0.5 x + 0.25 y from row 0 to row 16, where the last places lie; in cells of 8
+        // X-Val: 3 + 0.5 x + 0.25 y from row 0 to row 16, where the last nodes lie; in cells of 8
         // columns from the first to the last.
         let ends = [[3.0, 10.5], [7.0, 14.5], [11.0, 18.5], [15.0, 21.5]];
         assert_eq!(lines.ends_of(8), ends);
     }
 
     #[test]
-    fn a_sum_has_the_light_of_all_on_every_pixel() {
+    fn a_sum_adds_up_on_every_pixel() {
         let bent = lines(|x, y| (x * x) as f32 + 2.0 * y as f32);
         let nodes = std::array::from_fn(|i| [7.0, 3.0, 1.0, 8.0, 4.0, 0.0, 5.0, 5.0, 2.0][i]);
         let side = 8;
@@ -433,7 +432,7 @@ mod tests {
         });
         let wide = Lines::new([30, 13], 8, wide.collect());
         let sum = Lines::of_all(&[&wide, &bent, &wide]).unwrap();
-        // A square of eight and four of four, as in the one that is cut.
+        // Squares of eight and of four, as in the light that has both.
         assert_eq!(sum.strips[0].len(), 3 + 4);
         let each = drawn(&wide).into_iter().zip(drawn(&bent));
         for (pixel, (sum, (wide, bent))) in drawn(&sum).into_iter().zip(each).enumerate() {
@@ -443,7 +442,7 @@ mod tests {
     }
 
     #[test]
-    fn a_part_of_a_row_has_what_its_pixels_have() {
+    fn a_part_of_a_row_equals_its_pixels() {
         let lines = lines(|x, y| (x * x) as f32 + 2.0 * y as f32);
         let (places, pixels) = (lines.places(), drawn(&lines));
         for (from, count) in (0..28).flat_map(|from| [1, 3, 30 - from].map(|n| (from, n))) {
@@ -457,7 +456,7 @@ mod tests {
     }
 
     #[test]
-    fn no_pixel_has_more_than_its_cell() {
+    fn no_pixel_exceeds_its_cell() {
         let lines = lines(|x, y| 40.0 - (x as f32 - 14.0).abs() - (y as f32 - 5.0).powi(2));
         let pixels = drawn(&lines);
         for side in [1, 2, 4, 8] {
@@ -469,22 +468,25 @@ mod tests {
                 let cell = &mut most[i / 30 / side * across + i % 30 / side];
                 *cell = cell.max(*e);
             }
-            // A cell's corners lie one pixel beyond its last pixels: the light there is no more
-            // than 13 e- a pixel steeper.
+            // A cell's corners lie one pixel beyond its last pixels, where light is at most 26 e-
+            // higher.
             let near = |(cell, most): (&f32, &f32)| cell >= most && *cell <= most + 26.0;
             assert!(cells.iter().zip(&most).all(near), "{side}");
         }
     }
 
     #[test]
-    fn light_that_is_greatest_within_a_square_is_found_there() {
-        // A ridge along column 20, and none of the squares' sides on it.
+    fn a_maximum_inside_a_square_is_found() {
+        // A ridge along column 20, which is no side of a square.
         let lines = lines(|x, _| 10.0 - (x as f32 - 20.0).abs());
         let pixels = drawn(&lines);
         for (part, [least, most]) in lines.ends_of(3).into_iter().enumerate() {
             let columns = part * 3..(part * 3 + 3).min(30);
-            let here = columns.flat_map(|x| pixels[x..].iter().step_by(30).copied());
-            let (low, high) = (here.clone().fold(99.0, f32::min), here.fold(0.0, f32::max));
+            let ridge = columns.flat_map(|x| pixels[x..].iter().step_by(30).copied());
+            let (low, high) = (
+                ridge.clone().fold(99.0, f32::min),
+                ridge.fold(0.0, f32::max),
+            );
             assert_eq!([least, most], [low, high], "{part}");
         }
     }

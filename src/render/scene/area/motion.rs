@@ -2,17 +2,16 @@
 
 use super::radiance::Radiance;
 
-/// A pattern that moves by no more than this, in px, stands still where its edge hides light.
+/// Motion (px) below which a pattern hidden inside its edge counts as still.
 pub const SQUARE: usize = 32;
-/// Longest part of a path, px, that Simpson's rule evaluates at three places first.
+/// Longest initial panel of Simpson's rule along a path, px.
 const PANEL_PX: f64 = 4.0;
-/// How often a part is halved at most.
+/// Greatest number of halvings of a panel.
 const HALVINGS: u32 = 5;
-/// ns of an evaluation: the pointing then, and the radiance.
-pub const AREA_LOOK_NS: f64 = 130.0;
+/// Time of an evaluation of pointing and radiance, ns.
+pub const AREA_EVALUATION_NS: f64 = 130.0;
 
-/// Number of panels that a path of `moved_px` is divided into at first; 0 where light along all of
-/// it is as good as straight.
+/// Initial number of panels of a path of `moved_px`; 0 if light along it is nearly linear.
 pub fn panels(radiance: &dyn Radiance, moved_px: f64) -> usize {
     let (still_px, panel_px) = if radiance.is_of_pixels() {
         return 0;
@@ -33,7 +32,7 @@ pub fn panels(radiance: &dyn Radiance, moved_px: f64) -> usize {
 /// than `bent` of its value.
 pub fn mean(value: impl Fn(f64) -> f64, panels: usize, bent: impl Fn(f64) -> f64) -> (f64, usize) {
     let side = 1.0 / panels as f64;
-    let (mut sum, mut looks) = (0.0, 1);
+    let (mut sum, mut evaluations) = (0.0, 1);
     let mut open: Vec<([f64; 3], f64, f64, u32)> = Vec::new();
     let mut before = value(0.0);
     for panel in 0..panels {
@@ -41,7 +40,7 @@ pub fn mean(value: impl Fn(f64) -> f64, panels: usize, bent: impl Fn(f64) -> f64
         let after = value(from + side);
         open.push(([before, value(from + side / 2.0), after], from, side, 0));
         before = after;
-        looks += 2;
+        evaluations += 2;
         while let Some(([a, b, c], from, side, halved)) = open.pop() {
             let off = (a + c) / 2.0 - b;
             if halved == HALVINGS || off.abs() <= bent(b) {
@@ -49,11 +48,11 @@ pub fn mean(value: impl Fn(f64) -> f64, panels: usize, bent: impl Fn(f64) -> f64
                 continue;
             }
             let [left, right] = [0.25, 0.75].map(|part| value(from + part * side));
-            looks += 2;
+            evaluations += 2;
             let half = side / 2.0;
             open.push(([b, right, c], from + half, half, halved + 1));
             open.push(([a, left, b], from, half, halved + 1));
         }
     }
-    (sum, looks)
+    (sum, evaluations)
 }

@@ -1,10 +1,10 @@
-//! Sampled pixels of a patch of the detector, and the pixels near them that the point spread
-//! function brings their light to.
+//! Sampled pixels of a patch of the detector, and nearby pixels that receive their light by the
+//! point spread function.
 
-use super::asked::Requested;
 use super::blur::{BLURRED_NS, Blur, LANES, PATCH, SPREAD_NS};
 use super::grid::SMALLEST;
 use super::lines::{Lines, Places};
+use super::raster_work::RasterWork;
 use super::runs::Run;
 use super::sampled::Block;
 use rayon::prelude::*;
@@ -60,7 +60,7 @@ impl<'a> Near<'a> {
         counts.sum()
     }
 
-    /// By how much their light differs from the interpolation.
+    /// The differences of their light from the interpolation.
     pub fn runs(&self, lines: &Lines, places: &Places) -> Vec<Run> {
         let all = self.near.iter().fold(0, |all, bits| all | bits);
         let lit = |bits: &u64| *bits != 0;
@@ -82,7 +82,7 @@ impl<'a> Near<'a> {
             let kernel = kernel.as_deref();
             let is = kernel.map_or(e[pixel], |kernel| self.blur.spread(&e, pixel, wide, kernel));
             let is_on = self.on[row] >> column & 1 == 1;
-            // In a block there is no interpolation.
+            // Blocks have no interpolation.
             is - if is_on { 0.0 } else { e[pixel] }
         };
         let mut runs = Vec::new();
@@ -102,8 +102,8 @@ impl<'a> Near<'a> {
         runs
     }
 
-    /// The light of `wide` columns and `high` rows from one of the grid on, before it is spread,
-    /// and [`LANES`] values more.
+    /// The light of `wide` columns and `high` rows of the grid before blurring, and [`LANES`]
+    /// further values.
     fn drawn(
         &self,
         lines: &Lines,
@@ -130,15 +130,15 @@ impl<'a> Near<'a> {
     }
 }
 
-/// By how much pixels on and near sampled `blocks` (by rows of them) differ from `lines`, whose
-/// grid begins `rim` columns and rows before the detector. None once the work limit is over.
+/// The differences of pixels on and near sampled `blocks` (by rows) from `lines`, whose grid begins
+/// `rim` columns and rows before the detector. None once the work limit is over.
 pub fn runs(
     blur: &Blur<'_>,
     limit: &WorkLimit,
     lines: &Lines,
     rim: usize,
     blocks: &[Vec<Block>],
-    requested: &mut Requested,
+    work: &mut RasterWork,
 ) -> Vec<Run> {
     if limit.is_over() {
         return Vec::new();
@@ -156,7 +156,7 @@ pub fn runs(
     let near: Vec<(Vec<Run>, usize)> = near.collect();
     if blur.margin() > 0 {
         let pixels = near.iter().map(|(_, pixels)| pixels);
-        requested.spreads += pixels.sum::<usize>() * side.pow(2);
+        work.spreads += pixels.sum::<usize>() * side.pow(2);
     }
     near.into_iter().flat_map(|(runs, _)| runs).collect()
 }

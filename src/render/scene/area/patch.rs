@@ -6,7 +6,7 @@ use nalgebra::{Matrix3, Vector3};
 
 /// The two nodes of Gauss's rule, px from the middle of a pixel: 1 / (2 sqrt 3).
 const GAUSS: f64 = 0.288_675_134_594_812_9;
-/// A corner lies sqrt 3 times as far from the middle as Gauss's nodes; the rest allows for the
+/// A corner lies sqrt 3 times as far from the middle as Gauss's nodes; the rest is a margin for the
 /// flattening of limbs.
 const CORNER: f64 = 2.0;
 
@@ -42,8 +42,7 @@ impl Patch {
         })
     }
 
-    /// Whether an edge that moves by `motion` rad around its place at an attitude does not cross
-    /// it.
+    /// Whether no edge crosses it that moves by `motion` rad around its position at an attitude.
     pub fn is_clear(&self, edge: Option<&dyn Edge>, sky: &Matrix3<f64>, motion: f64) -> bool {
         let clear = self.reach + motion / 2.0;
         self.places.iter().all(Option::is_some)
@@ -60,7 +59,7 @@ impl Patch {
                 middle,
                 places: [middle; 4],
                 slope: [0.0; 2],
-                looks: 1,
+                evaluations: 1,
             };
         }
         let off = |position: Option<(Vector3<f64>, f64)>| {
@@ -74,11 +73,11 @@ impl Patch {
             middle,
             places,
             slope: if is_known { slope } else { [0.0; 2] },
-            looks: 5,
+            evaluations: 5,
         }
     }
 
-    /// A place (px) in its corner on one side of an edge.
+    /// A position (px) in its corner on one side of an edge.
     pub fn corner(&self, crossing: &Crossing, side: usize) -> [f64; 2] {
         let off = if side == 1 { 0.45 } else { -0.45 } * self.size;
         [0, 1].map(|k| self.at[k] + off * crossing.slope[k].signum())
@@ -94,7 +93,7 @@ pub struct Crossing {
     /// Their slopes along columns and rows, rad a side.
     slope: [f64; 2],
     /// Number of evaluations of the edge.
-    pub looks: usize,
+    pub evaluations: usize,
 }
 
 impl Crossing {

@@ -19,7 +19,7 @@ pub struct Plane<'a> {
 }
 
 impl<'a> Plane<'a> {
-    /// For a pattern that turns against ICRF by `turning` rad/s.
+    /// For a pattern that turns relative to ICRF by `turning` rad/s.
     pub fn new(view: &'a View, simulated: &EffectSet, turning: Vector3<f64>) -> Plane<'a> {
         let optics = &view.camera.optics;
         Plane {
@@ -42,15 +42,15 @@ impl<'a> Plane<'a> {
         &self.view.camera
     }
 
-    /// The direction of a place of the plane (px): unit vector, camera axes.
+    /// The direction of a position on the plane (px): unit vector, camera axes.
     fn seen_at(&self, at: [f64; 2]) -> Option<Vector3<f64>> {
         let optics = &self.camera().optics;
         self.projection
             .direction([0, 1].map(|k| (at[k] - optics.principal_px[k]) / optics.focal_px))
     }
 
-    /// The direction of a place (unit vector, camera axes), and the light (sr) that its pixel gets
-    /// of a sky of radiance 1.
+    /// The direction of a position (unit vector, camera axes), and the light (sr) on its pixel from
+    /// a sky of radiance 1.
     ///
     /// Clark et al. 2021, Eq. (4), `E = L IFOV^2`, holds on the boresight of a pinhole. In general
     /// the pixel has its own solid angle ([`Projection::solid_angle`]), and vignetting applies as
@@ -71,7 +71,7 @@ impl<'a> Plane<'a> {
         Some((seen, solid_angle * passes))
     }
 
-    /// ns of [`Plane::taken`], which inverts the projection: other than a pinhole's by Newton's
+    /// Time of [`Plane::taken`], ns. It inverts the projection, except a pinhole's by Newton's
     /// method.
     pub fn place_ns(&self) -> f64 {
         match self.projection.model() {
@@ -80,7 +80,7 @@ impl<'a> Plane<'a> {
         }
     }
 
-    /// When a row is open: the middle of that time from mid-exposure, and its duration, s.
+    /// The open time of a row: its middle from mid-exposure, and its duration, s.
     pub fn open_s(&self, row: f64) -> [f64; 2] {
         let exposure_s = self.view.exposure.duration_s;
         let duration_s = if self.smeared { exposure_s } else { 0.0 };
@@ -112,8 +112,8 @@ impl<'a> Plane<'a> {
         &self.camera().detector
     }
 
-    /// Electrons a steradian that a pixel gets of a radiance of 1. Clark et al. 2021, Eq. (5),
-    /// before the division by the gain: `N = E QE tau A_app t_int`.
+    /// Electrons of a pixel per steradian at a radiance of 1. Clark et al. 2021, Eq. (5), before
+    /// the division by the gain: `N = E QE tau A_app t_int`.
     pub fn scale_e(&self, radiance: &dyn Radiance) -> f64 {
         let (camera, seconds) = (self.camera(), self.view.exposure.duration_s);
         if radiance.is_of_pixels() {
@@ -131,7 +131,7 @@ impl<'a> Plane<'a> {
         self.view.scale_and_corner_px.0
     }
 
-    /// How far the pattern moves while a pixel is open, at most, rad.
+    /// Greatest motion of the pattern while a pixel is open, rad.
     pub fn motion(&self) -> f64 {
         if !self.smeared {
             return 0.0;
@@ -140,7 +140,7 @@ impl<'a> Plane<'a> {
     }
 }
 
-/// The light of a pixel that takes `taken` sr from a direction, for a scale of 1.
+/// The light from a direction on a pixel of `taken` sr, for a scale of 1.
 pub fn received(radiance: &dyn Radiance, direction: &Vector3<f64>, taken: f64) -> f64 {
     let taken = if radiance.is_of_pixels() { 1.0 } else { taken };
     radiance.seen(direction) * taken

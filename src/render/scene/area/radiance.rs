@@ -1,4 +1,4 @@
-//! Light by direction: what an area source is before it is rasterized.
+//! Light by direction: an area source before it is rasterized.
 
 use crate::scene::effect_set::EffectId;
 use nalgebra::Vector3;
@@ -6,18 +6,18 @@ use std::borrow::Cow;
 use std::fmt::Debug;
 use std::sync::Arc;
 
-/// The light of an area source before the camera, or why there is none.
+/// The light of an area source, or why there is none.
 pub type Found = Result<Arc<dyn Radiance>, Cow<'static, str>>;
 
 /// Light that depends on its direction alone.
 pub trait Radiance: Debug + Send + Sync {
     /// Photon radiance in the band from a direction (unit vector, ICRF) at mid-exposure,
-    /// ph/s/m^2/sr. Of scattered light ([`Radiance::is_of_pixels`]): e-/s of a pixel that looks
-    /// there. Ignores [`Radiance::is_hidden_inside`].
+    /// ph/s/m^2/sr. For scattered light ([`Radiance::is_of_pixels`]): e-/s of a pixel in that
+    /// direction. Ignores [`Radiance::is_hidden_inside`].
     fn toward(&self, direction: &Vector3<f64>) -> f64;
 
-    /// Whether nothing shines inside of the edge, and the rest is so even that the middle of a
-    /// pixel stands for all of it.
+    /// Whether the inside of the edge is dark, and the rest so smooth that the middle of a pixel
+    /// represents it.
     fn is_hidden_inside(&self) -> bool {
         false
     }
@@ -37,7 +37,7 @@ pub trait Radiance: Debug + Send + Sync {
         None
     }
 
-    /// Angular velocity of the pattern against ICRF, rad/s.
+    /// Angular velocity of the pattern relative to ICRF, rad/s.
     fn turning(&self) -> Vector3<f64> {
         Vector3::zeros()
     }
@@ -47,13 +47,13 @@ pub trait Radiance: Debug + Send + Sync {
         0.0
     }
 
-    /// Whether pixels get it whatever their solid angle and the transmission of the optics.
+    /// Whether it is independent of solid angle and transmission of the optics.
     fn is_of_pixels(&self) -> bool {
         false
     }
 }
 
-/// Where light jumps.
+/// An edge at which light jumps.
 pub trait Edge {
     /// Angle of a direction from the edge, rad: positive outside, negative inside.
     fn angle(&self, direction: &Vector3<f64>) -> f64;
@@ -62,7 +62,7 @@ pub trait Edge {
     fn radius(&self) -> f64;
 }
 
-/// An area source before the camera, before it is rasterized.
+/// An area source before it is rasterized.
 #[derive(Debug, Clone)]
 pub struct Area {
     /// Its effect.
@@ -71,7 +71,7 @@ pub struct Area {
     pub unlit: &'static str,
     /// Its light, or why there is none.
     pub radiance: Found,
-    /// Twice the light of the brightest of some pixels all over the field, e-.
+    /// Twice the light of the brightest of some pixels over the whole field, e-.
     pub peak_e: f64,
 }
 

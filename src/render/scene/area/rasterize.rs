@@ -1,12 +1,10 @@
 //! Area light on the pixels.
 //!
-//! Even light is evaluated on an adaptive grid and interpolated between its nodes (`lines`). Where
-//! it is even all over the field, no pixel is touched before it is drawn. Where there is an edge,
-//! or detail of a few pixels, each pixel is the mean over its area and its time (`sampled`), and
-//! the point spread function blurs them (`blur`). Their difference from the interpolation is
-//! stored beside it (`runs`).
+//! Smooth light is evaluated on an adaptive grid and interpolated between its nodes (`lines`);
+//! pixels are computed only when drawn. At an edge, or with detail of a few pixels, each pixel is
+//! the mean over its area and its time (`sampled`), blurred by the point spread function (`blur`).
+//! Its difference from the interpolation is stored separately (`runs`).
 
-use super::asked::Requested;
 use super::blur::Blur;
 use super::full::Full;
 use super::grid::{Grid, LARGEST, SMALLEST};
@@ -17,22 +15,23 @@ use super::motion::SQUARE;
 use super::near;
 use super::plane::Plane;
 use super::radiance::Radiance;
+use super::raster_work::RasterWork;
 use super::runs::Runs;
 use super::sampled::{Sampled, sampled};
 use crate::fidelity::Fidelity;
 use rayon::prelude::*;
 
-/// Where interpolation misses no more than this many times its tolerance, the middle of a pixel
-/// stands for all of it. At a kink of s e-/px, lines across [`SMALLEST`] miss s / 2 and the middle
-/// s / 8; where light bends evenly, the middle misses far less.
+/// Greatest interpolation error, in tolerances, at which the middle of a pixel represents the
+/// whole. At a kink of s e-/px, lines across [`SMALLEST`] err by s / 2 and the middle by s / 8; for
+/// smooth bends the middle errs by far less.
 const MIDDLE: f64 = 4.0;
-/// Of an even bend, lines across a quarter of a square miss a quarter of what lines across it
-/// miss. If they seem to miss less, a kink or a thin layer lies between the nodes. A small error
-/// is accepted only where the larger square's was no more than `LUCK` tolerances.
+/// For a smooth bend, a quarter of a square has a quarter of the error. A smaller error indicates a
+/// kink or a thin layer between the nodes. A small error is accepted only if that of the larger
+/// square was at most `MAX_PARENT_ERROR` tolerances.
 const QUARTERED: f64 = 4.0;
-const LUCK: f64 = 1.5 * QUARTERED;
-/// Further places of a square (0..1) at which the interpolation is checked, and how many
-/// tolerances it may miss there, at kinks.
+const MAX_PARENT_ERROR: f64 = 1.5 * QUARTERED;
+/// Further positions of a square (0..1) at which the interpolation is checked, and its tolerance at
+/// kinks, in tolerances.
 const BETWEEN: [[f64; 2]; 2] = [[0.31, 0.69], [0.69, 0.31]];
 const KINK: f64 = 2.0;
 
@@ -41,7 +40,7 @@ const KINK: f64 = 2.0;
 struct Pieces {
     even: Vec<Square>,
     sampled: Vec<(Square, Sampled)>,
-    requested: Requested,
+    work: RasterWork,
 }
 
 /// A square of the plane, with the light at its nine nodes.
@@ -50,19 +49,18 @@ struct Part {
     y: i64,
     side: usize,
     nodes: [Option<f64>; 9],
-    /// The error of the interpolation across the square that it is a quarter of, in tolerances; 0
-    /// of the largest.
+    /// The interpolation error of its parent square, in tolerances; 0 for the largest.
     missed: f64,
 }
 
-/// Rasterizes `radiance`, and counts the work. No light once the work limit is over.
+/// Rasterizes `radiance` and counts the work. No light once the work limit is over.
 pub fn rasterize(
     radiance: &dyn Radiance,
     plane: &Plane<'_>,
     blur: &Blur<'_>,
     full: &Full,
     fidelity: &Fidelity,
-) -> (Light, Requested) {
+) -> (Light, RasterWork) {
     let grid = Grid::new(radiance, plane, blur.margin(), full, fidelity);
     let size = grid.detector.map(|pixels| pixels + 2 * grid.rim);
     let side = largest(radiance, plane, grid.detector);
@@ -80,33 +78,26 @@ pub fn rasterize(
     });
     let squares: Vec<Pieces> = squares.collect();
     if plane.limit().is_over() {
-        return (Light::default(), known.requested);
+        return (Light::default(), known.work);
     }
-    let (mut even, mut marked, mut requested) = (Vec::new(), Vec::new(), known.requested);
+    let (mut even, mut marked, mut work) = (Vec::new(), Vec::new(), known.work);
     for pieces in squares {
         even.extend(pieces.even);
         marked.extend(pieces.sampled);
-        requested += pieces.requested;
+        work += pieces.work;
     }
     let lines = Lines::new(size, LARGEST, even);
-    let blocks = sampled(&grid, marked, &mut requested);
-    let runs = near::runs(
-        blur,
-        plane.limit(),
-        &lines,
-        grid.rim,
-        &blocks,
-        &mut requested,
-    );
+    let blocks = sampled(&grid, marked, &mut work);
+    let runs = near::runs(blur, plane.limit(), &lines, grid.rim, &blocks, &mut work);
     if plane.limit().is_over() {
-        return (Light::default(), requested);
+        return (Light::default(), work);
     }
     let lines = lines.within(grid.rim, grid.detector);
-    (Light::new(lines, Runs::new(grid.detector, runs)), requested)
+    (Light::new(lines, Runs::new(grid.detector, runs)), work)
 }
 
-/// Side of the grid's largest squares, px: no more than the detail of the light, nor a quarter of
-/// the detector, over which optics bend it.
+/// Side of the grid's largest squares, px: at most the detail of the light, and a quarter of the
+/// detector, because optics bend it over the field.
 fn largest(radiance: &dyn Radiance, plane: &Plane<'_>, [columns, rows]: [usize; 2]) -> usize {
     let detail_px = radiance.detail() * plane.scale_px();
     let most = detail_px.min(columns.min(rows) as f64 / 4.0);
@@ -125,8 +116,8 @@ struct Refinement<'g, 'a, 'v> {
 }
 
 impl Refinement<'_, '_, '_> {
-    /// Interpolates the square from a column and row of the grid on, if lines across it meet all
-    /// that is known there; else divides it.
+    /// Interpolates a square, given by its first column and row, if that agrees with all known
+    /// nodes; else divides it.
     fn divide(&mut self, [x, y]: [usize; 2], side: usize) {
         let (grid, known) = (self.grid, self.known);
         if !grid.is_needed([x, y], side) {
@@ -173,14 +164,14 @@ impl Refinement<'_, '_, '_> {
         });
         let radius = radius.fold(0.0, f64::max) + self.grid.motion / 2.0;
         let sky = plane.to_sky(plane.open_s(middle[1])[0]);
-        self.pieces.requested.edges += 1;
+        self.pieces.work.edges += 1;
         let nearest = edge.angle(&(sky * seen)).abs();
         nearest <= radius || nearest.is_nan()
     }
 
-    /// The light at a place, e-.
+    /// The light at a position, e-.
     fn at(&mut self, x: f64, y: f64) -> Option<f64> {
-        self.grid.at(x, y, &mut self.pieces.requested)
+        self.grid.at(x, y, &mut self.pieces.work)
     }
 
     /// The light at the nine nodes of a square with those corners.
@@ -196,7 +187,7 @@ impl Refinement<'_, '_, '_> {
         [a, top, b, left, middle, right, c, bottom, d]
     }
 
-    /// The error of the interpolation at places that no square has its nodes at, in tolerances.
+    /// The interpolation error at positions that are no node of any square, in tolerances.
     fn missed_between(&mut self, part: &Part) -> f64 {
         let missed = BETWEEN.map(|at| {
             let [u, v] = at.map(|at| 2.0 * at);
@@ -224,7 +215,7 @@ impl Refinement<'_, '_, '_> {
             missed: before,
         } = part;
         let [dx, dy] = [x, y].map(|i| (i + grid.rim as i64) as usize);
-        // Once the work limit is over no node is known, and squares would be halved to the
+        // Once the work limit is over, all nodes are unknown and squares would be halved to the
         // smallest.
         if grid.plane.limit().is_over() || !grid.is_needed([dx, dy], side) {
             return;
@@ -238,8 +229,8 @@ impl Refinement<'_, '_, '_> {
             side,
             nodes: nodes.map(|node| value(node) as f32),
         };
-        // Beyond the projection's end there is no light; at it there is an edge. How full a full
-        // pixel is does not show.
+        // Beyond the projection's end there is no light; the end is an edge. The excess of a full
+        // pixel is invisible.
         if nodes.iter().all(Option::is_none) || grid.full.has([x, y], side) {
             self.pieces.even.push(square);
             return;
@@ -254,16 +245,16 @@ impl Refinement<'_, '_, '_> {
         ];
         let between = [top, left, middle, right, bottom];
         let missed = between.iter().zip(lines).map(|(node, line)| {
-            // Lines between nine nodes miss a quarter of what lines between four miss, across and
-            // down together up to half.
+            // Lines between nine nodes have a quarter of the error of lines between four; in both
+            // directions together up to half.
             node.map_or(f64::INFINITY, |node| {
                 (node - line).abs() / (2.0 * grid.may_miss(node))
             })
         });
         let missed = missed.fold(0.0, f64::max);
         let is_whole = nodes.iter().all(Option::is_some) && !self.has_edge(&part);
-        let may_be_even = is_whole && missed <= 1.0 && before <= LUCK;
-        // Thin layers of unknown size may lie between all nodes of a grid, however fine.
+        let may_be_even = is_whole && missed <= 1.0 && before <= MAX_PARENT_ERROR;
+        // Thin layers of unknown size may lie between all nodes of any grid.
         let missed = if may_be_even && grid.radiance.detail() == 0.0 {
             missed.max(self.missed_between(&part))
         } else {

@@ -11,7 +11,7 @@ pub struct Run {
     pub row: usize,
     /// First column.
     pub column: usize,
-    /// By how much its pixels differ from the interpolation, e-.
+    /// Difference of its pixels from the interpolation, e-.
     pub e: Vec<f32>,
 }
 
@@ -71,24 +71,24 @@ impl Runs {
         self.rows.resize(row + 1, self.spans.len() as u32);
     }
 
-    /// Adds light to the last row, of which no run begins after `column`.
+    /// Adds light to the last row; no run of it begins after `column`.
     fn join(&mut self, column: usize, e: &[f32]) {
         let first = self.rows.last().map_or(0, |first| *first as usize);
-        let here = column as u32..(column + e.len()) as u32;
+        let columns = column as u32..(column + e.len()) as u32;
         let from = self.e.len();
         match self.spans[first..].last_mut() {
-            Some(last) if here.start <= last.columns.end => {
-                let both = last.columns.end.min(here.end) - here.start;
-                let at = last.from + (here.start - last.columns.start);
+            Some(last) if columns.start <= last.columns.end => {
+                let both = last.columns.end.min(columns.end) - columns.start;
+                let at = last.from + (columns.start - last.columns.start);
                 let (upon, rest) = e.split_at(both as usize);
                 let below = self.e[at as usize..].iter_mut();
                 below.zip(upon).for_each(|(sum, e)| *sum += e);
-                last.columns.end = last.columns.end.max(here.end);
+                last.columns.end = last.columns.end.max(columns.end);
                 self.e.extend_from_slice(rest);
             }
             _ => {
                 self.spans.push(Span {
-                    columns: here,
+                    columns,
                     from: from as u32,
                 });
                 self.e.extend_from_slice(e);
@@ -101,7 +101,7 @@ impl Runs {
         self.spans.is_empty()
     }
 
-    /// How many pixels they have.
+    /// Number of pixels.
     pub fn pixels(&self) -> usize {
         self.e.len()
     }
@@ -111,13 +111,13 @@ impl Runs {
         self.e.iter().copied().map(f64::from).sum()
     }
 
-    /// Of each run its first pixel (row-major index) and its light, e-.
+    /// The first pixel (row-major index) and the light (e-) of each run.
     pub fn iter(&self) -> impl Iterator<Item = (usize, &[f32])> {
         let rows = 0..self.rows.len().saturating_sub(1);
         rows.flat_map(|row| self.of_row(row))
     }
 
-    /// The runs of a row, likewise.
+    /// The same for the runs of a row.
     pub fn of_row(&self, row: usize) -> impl Iterator<Item = (usize, &[f32])> {
         let range = match self.rows.get(row..row + 2) {
             Some([from, past]) => *from as usize..*past as usize,
@@ -137,13 +137,13 @@ impl Runs {
         let past = first + electrons.len();
         for row in first / self.width..past.div_ceil(self.width) {
             for (from, e) in self.of_row(row) {
-                let here = from.max(first)..(from + e.len()).min(past);
-                if !here.is_empty() {
-                    let e = &e[here.start - from..here.end - from];
+                let overlap = from.max(first)..(from + e.len()).min(past);
+                if !overlap.is_empty() {
+                    let e = &e[overlap.start - from..overlap.end - from];
                     kernels::add(
                         level,
                         e,
-                        &mut electrons[here.start - first..here.end - first],
+                        &mut electrons[overlap.start - first..overlap.end - first],
                     );
                 }
             }
@@ -156,7 +156,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_lies_upon_each_other_is_added_up() {
+    fn overlapping_runs_are_added_up() {
         let run = |row, column, e: &[f32]| Run {
             row,
             column,

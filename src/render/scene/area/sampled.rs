@@ -1,30 +1,30 @@
 //! Pixels of area light that are evaluated one by one: at edges and detail of a few pixels.
 
-use super::asked::Requested;
 use super::grid::{Grid, SMALLEST};
 use super::lines::Square;
-use super::motion::AREA_LOOK_NS;
+use super::motion::AREA_EVALUATION_NS;
 use super::patch::Patch;
 use super::plane::Plane;
 use super::radiance::Radiance;
+use super::raster_work::RasterWork;
 use nalgebra::Matrix3;
 use rayon::prelude::*;
 
 /// Least number of squares for a thread of its own.
-const FEW: usize = 8;
+const MIN_SQUARES: usize = 8;
 /// Motion below this counts as none, px.
 const STILL_PX: f64 = 0.02;
-/// Time steps for each pixel that the light moves by, and at most.
+/// Time steps per pixel of motion, and their greatest number.
 pub const STEPS_PX: f64 = 4.0;
 const MAX_STEPS: usize = 256;
-/// Most time steps of all pixels of a frame, and least of one pixel.
+/// Limit of the time steps of a frame, and least limit of one pixel.
 const ALL_STEPS: usize = 6_000_000;
 const MIN_STEPS: usize = 64;
-/// Edges of this radius (px) are straight enough; more cells a side than this do not help.
+/// Radius (px) of edges that count as straight, and greatest number of cells a side.
 const STRAIGHT: f64 = 8.0;
 const MAX_CELLS: f64 = 16.0;
 
-/// ns of an evaluation of the angle from an edge.
+/// Time of an evaluation of the angle from an edge, ns.
 pub const EDGE_NS: f64 = 45.0;
 
 /// How the pixels of a square are evaluated.
@@ -50,7 +50,7 @@ pub struct Block {
 pub fn sampled(
     grid: &Grid<'_, '_>,
     mut marked: Vec<(Square, Sampled)>,
-    requested: &mut Requested,
+    work: &mut RasterWork,
 ) -> Vec<Vec<Block>> {
     marked.sort_by_key(|(square, _)| (square.y, square.x));
     let rows: Vec<&[(Square, Sampled)]> = marked.chunk_by(|(a, _), (b, _)| a.y == b.y).collect();
@@ -64,18 +64,16 @@ pub fn sampled(
         let top = squares[0].0.y as f64 - grid.rim as f64;
         let skies: [Vec<Matrix3<f64>>; SMALLEST] =
             std::array::from_fn(|row| sampler.skies(top + row as f64));
-        let squares = squares.par_iter().with_min_len(FEW);
+        let squares = squares.par_iter().with_min_len(MIN_SQUARES);
         let blocks = squares.map(|(square, how)| sampler.block(square, *how, &skies));
         let (mut row, mut of_blocks) = (Vec::new(), Vec::new());
         blocks.unzip_into_vecs(&mut row, &mut of_blocks);
-        let mut requested = Requested::default();
-        of_blocks
-            .into_iter()
-            .for_each(|of_block| requested += of_block);
-        (row, requested)
+        let mut work = RasterWork::default();
+        of_blocks.into_iter().for_each(|of_block| work += of_block);
+        (row, work)
     });
-    let (rows, of_rows): (Vec<Vec<Block>>, Vec<Requested>) = rows.unzip();
-    of_rows.into_iter().for_each(|of_row| *requested += of_row);
+    let (rows, of_rows): (Vec<Vec<Block>>, Vec<RasterWork>) = rows.unzip();
+    of_rows.into_iter().for_each(|of_row| *work += of_row);
     rows
 }
 
@@ -94,8 +92,8 @@ impl Sampler<'_, '_, '_> {
         square: &Square,
         how: Sampled,
         skies: &[Vec<Matrix3<f64>>; SMALLEST],
-    ) -> (Block, Requested) {
-        let (at, mut requested) = ([square.x, square.y], Requested::default());
+    ) -> (Block, RasterWork) {
+        let (at, mut work) = ([square.x, square.y], RasterWork::default());
         let mut block = Block {
             at,
             e: Default::default(),
@@ -108,16 +106,16 @@ impl Sampler<'_, '_, '_> {
                 }
                 let [x, y] = at.map(|from| from as f64 - self.grid.rim as f64);
                 *e = match how {
-                    Sampled::Middle => self.grid.at(x, y, &mut requested).unwrap_or(0.0),
-                    Sampled::All => self.mean(x, y, skies, &mut requested),
+                    Sampled::Middle => self.grid.at(x, y, &mut work).unwrap_or(0.0),
+                    Sampled::All => self.mean(x, y, skies, &mut work),
                 } as f32;
             }
         }
-        let places = requested.lights as f64 * self.grid.plane.place_ns();
-        let looks = places + (requested.lights + requested.smeared) as f64 * AREA_LOOK_NS;
-        let edges = (requested.edges * skies[0].len()) as f64 * EDGE_NS;
-        self.grid.plane.limit().spend(looks + edges);
-        (block, requested)
+        let places = work.lights as f64 * self.grid.plane.place_ns();
+        let evaluations = places + (work.lights + work.smeared) as f64 * AREA_EVALUATION_NS;
+        let edges = (work.edges * skies[0].len()) as f64 * EDGE_NS;
+        self.grid.plane.limit().spend(evaluations + edges);
+        (block, work)
     }
 
     /// Attitudes during the time of a row's pixels, at the middles of equal steps.
@@ -135,27 +133,24 @@ impl Sampler<'_, '_, '_> {
             .collect()
     }
 
-    /// The mean light of a pixel, e-. It is divided into cells if an edge is not straight across
-    /// it.
-    fn mean(&self, x: f64, y: f64, skies: &[Matrix3<f64>], requested: &mut Requested) -> f64 {
+    /// The mean light of a pixel, e-. Divided into cells if an edge is curved across it.
+    fn mean(&self, x: f64, y: f64, skies: &[Matrix3<f64>], work: &mut RasterWork) -> f64 {
         let cells = self.cells;
         let side = 1.0 / cells as f64;
         let middle = |i: usize| (i as f64 + 0.5) * side - 0.5;
         let places = (0..cells * cells).map(|i| [x + middle(i % cells), y + middle(i / cells)]);
-        let sum: f64 = places
-            .map(|at| self.mean_of(at, side, skies, requested))
-            .sum();
+        let sum: f64 = places.map(|at| self.mean_of(at, side, skies, work)).sum();
         sum * side * side
     }
 
-    /// The mean light of a square of `size` px around a place, e- a pixel. On each side of an edge
-    /// the mean of the Gauss nodes there stands for the part of the square that the side takes.
+    /// The mean light of a square of `size` px around a position, e- a pixel. On each side of an
+    /// edge the mean of its Gauss nodes represents that part of the square.
     fn mean_of(
         &self,
         at: [f64; 2],
         size: f64,
         skies: &[Matrix3<f64>],
-        requested: &mut Requested,
+        work: &mut RasterWork,
     ) -> f64 {
         let Some(patch) = Patch::new(self.grid.plane, at, size) else {
             return 0.0;
@@ -165,11 +160,15 @@ impl Sampler<'_, '_, '_> {
             .map(|sky| (sky, patch.crossing(self.grid.radiance.edge(), sky)));
         let count = skies.len() as f64;
         if self.grid.radiance.is_hidden_inside() {
-            let (outside, looks) = crossings.fold((0.0, 0), |(outside, looks), (_, crossing)| {
-                (outside + crossing.part(1), looks + crossing.looks)
-            });
-            requested.edges += looks / skies.len().max(1);
-            requested.lights += 1;
+            let (outside, evaluations) =
+                crossings.fold((0.0, 0), |(outside, evaluations), (_, crossing)| {
+                    (
+                        outside + crossing.part(1),
+                        evaluations + crossing.evaluations,
+                    )
+                });
+            work.edges += evaluations / skies.len().max(1);
+            work.lights += 1;
             let sky = self.grid.plane.to_sky(self.grid.plane.open_s(at[1])[0]);
             let (middle, taken) = patch.middle;
             return self.grid.radiance.toward(&(sky * middle))
@@ -178,15 +177,15 @@ impl Sampler<'_, '_, '_> {
                 * outside
                 / count;
         }
-        let (mut sum, mut looks, mut edges) = (0.0, 0, 0);
+        let (mut sum, mut evaluations, mut edges) = (0.0, 0, 0);
         let middle = self.grid.plane.to_sky(self.grid.plane.open_s(at[1])[0]);
         if self.grid.is_still
             && patch.is_clear(self.grid.radiance.edge(), &middle, self.grid.motion)
         {
             let places = patch.places.iter().flatten();
             let lights = places.map(|(seen, taken)| self.grid.light(&(middle * seen), *taken));
-            requested.lights += 4;
-            requested.edges += 1;
+            work.lights += 4;
+            work.edges += 1;
             return lights.sum::<f64>() / 4.0;
         }
         for (sky, crossing) in crossings {
@@ -210,13 +209,13 @@ impl Sampler<'_, '_, '_> {
                     });
                 }
             }
-            looks += 4;
-            edges += crossing.looks;
+            evaluations += 4;
+            edges += crossing.evaluations;
         }
-        let still = looks / skies.len().max(1);
-        requested.lights += still;
-        requested.smeared += looks - still;
-        requested.edges += edges / skies.len().max(1);
+        let still = evaluations / skies.len().max(1);
+        work.lights += still;
+        work.smeared += evaluations - still;
+        work.edges += edges / skies.len().max(1);
         sum / count
     }
 }
@@ -230,7 +229,7 @@ fn cells(radiance: &dyn Radiance, plane: &Plane<'_>) -> usize {
     })
 }
 
-/// Most time steps of a pixel in a frame of so many `pixels`.
+/// Greatest number of time steps of a pixel in a frame of so many `pixels`.
 pub fn most_steps(pixels: usize) -> usize {
     (ALL_STEPS / pixels.max(1)).clamp(MIN_STEPS, MAX_STEPS)
 }

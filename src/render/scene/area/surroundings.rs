@@ -9,15 +9,14 @@ use std::borrow::Cow;
 use std::cell::OnceCell;
 use std::sync::Arc;
 
-/// Air above this height (m) is left out where the field sees nothing lower. Of the highest layer,
-/// at 250 km, a thousandth is above it.
+/// Air above this height (m) is ignored. Only 0.1 % of the highest layer, at 250 km, lies above.
 const AIR_M: f64 = 400e3;
 
 /// Why an observer without an orbit sees no Earth.
 pub const NO_ORBIT: &str =
     "the observer has no orbit (observer.orbit), and sees no Earth from its centre";
 
-/// Why a body is not in the field whose limb is at least `nearest` rad from it.
+/// Why a body is not in the field: its limb is at least `nearest` rad away.
 pub fn not_in_field(body: &str, nearest: f64) -> Cow<'static, str> {
     format!("{body} is {:.1} deg from the field", nearest.to_degrees()).into()
 }

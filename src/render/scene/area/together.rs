@@ -1,5 +1,4 @@
-//! The sum of all area light of a scene, computed on demand, or at once where nearly all pixels are
-//! needed.
+//! The sum of all area light of a scene, computed on demand, or at once if most pixels are needed.
 
 use super::area_light::AreaLight;
 use super::light::Light;
@@ -13,19 +12,19 @@ const CLOSE: usize = 4;
 
 /// The light of several area sources.
 #[derive(Debug, Default)]
-pub struct Together {
-    /// None if no source has any.
+pub struct TotalAreaLight {
+    /// None if no source has light.
     light: Option<Light>,
     /// Whether all pixels are computed at once.
     is_drawn: bool,
 }
 
-impl Together {
+impl TotalAreaLight {
     /// The sum of `areas`; images have so many `pixels`.
-    pub fn of(areas: &[AreaLight], view: &View, pixels: usize) -> Together {
+    pub fn of(areas: &[AreaLight], view: &View, pixels: usize) -> TotalAreaLight {
         let Detector { width, height, .. } = view.camera.detector;
         let lights: Vec<&Light> = areas.iter().filter_map(AreaLight::light).collect();
-        Together {
+        TotalAreaLight {
             light: Light::of_all(&lights, &view.limit),
             is_drawn: pixels >= width * height / CLOSE,
         }
@@ -33,14 +32,14 @@ impl Together {
 
     /// Light given pixel by pixel, row by row, e-.
     #[cfg(test)]
-    pub fn each(size: [usize; 2], e: Vec<f32>) -> Together {
-        Together {
+    pub fn each(size: [usize; 2], e: Vec<f32>) -> TotalAreaLight {
+        TotalAreaLight {
             light: Some(Light::each(size, e)),
             is_drawn: false,
         }
     }
 
-    /// None where no source has any.
+    /// None if no source has light.
     pub fn light(&self) -> Option<&Light> {
         self.light.as_ref()
     }
@@ -57,7 +56,7 @@ impl Together {
         }
     }
 
-    /// [`Together::add_to`] for a part of a row.
+    /// [`TotalAreaLight::add_to`] for a part of a row.
     pub fn add_to_row(&self, first: usize, electrons: &mut [f32]) {
         match &self.light {
             Some(light) if self.is_drawn => {
@@ -77,7 +76,7 @@ impl Together {
         e[0].into()
     }
 
-    /// The light on each pixel, row by row, e-; empty where there is none.
+    /// The light on each pixel, row by row, e-; empty without light.
     pub fn e(&self) -> &[f32] {
         self.light().map(Light::e).unwrap_or_default()
     }

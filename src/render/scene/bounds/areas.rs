@@ -1,13 +1,13 @@
 //! Area light: the change of any pixel without an effect that shapes images.
 
-use super::wells::{apart, greatest, hold};
+use super::wells::{greatest, hold, max_difference};
 use crate::camera::Detector;
 use crate::reduce;
 use crate::scene::area::area_light::AreaLight;
 use crate::scene::area::full::Full;
 use crate::scene::area::image::lit_by;
 use crate::scene::area::plane::Plane;
-use crate::scene::area::together::Together;
+use crate::scene::area::together::TotalAreaLight;
 use crate::scene::charge::light_e;
 use crate::scene::content::Scene;
 use crate::scene::effect_set::EffectSet;
@@ -16,17 +16,16 @@ use nalgebra::Vector3;
 use rayon::prelude::*;
 use skyloop_orbit::sgp4_batch::Level;
 
-/// How much steeper light may be between pixels than from pixel to pixel.
+/// Factor of the slope between pixels over that from pixel to pixel.
 const STEEPER: f64 = 1.5;
-/// Places along a side of the detector at which solid angles are compared, and the margin for what
-/// lies between them.
-const PLACES: usize = 7;
+/// Samples of solid angles along a side of the detector, and the margin for positions between them.
+const SAMPLES: usize = 7;
 const BETWEEN: f64 = 1.1;
-/// Rows that are computed together.
+/// Rows computed together.
 const BAND: usize = 16;
 
 /// The light of all area sources with the effects `other`.
-pub fn areas_with(scene: &Scene, other: &EffectSet) -> Together {
+pub fn areas_with(scene: &Scene, other: &EffectSet) -> TotalAreaLight {
     let view = &scene.view;
     let full = Full::of(view, view.areas.iter(), other, &scene.fidelity);
     let areas = view.areas.iter();
@@ -34,24 +33,25 @@ pub fn areas_with(scene: &Scene, other: &EffectSet) -> Together {
     let areas: Vec<AreaLight> = areas
         .map(|area| lit_by(view, area, other, &full, &scene.fidelity))
         .collect();
-    Together::of(&areas, view, view.camera.detector.pixels())
+    TotalAreaLight::of(&areas, view, view.camera.detector.pixels())
 }
 
-/// The greatest error of light in full pixels, against the effects `other` without full wells, e-.
+/// The greatest error of approximated light in full pixels, compared with the effects `other`,
+/// which have no full wells, e-.
 pub fn straightened_e(scene: &Scene, other: &EffectSet) -> f64 {
     let others = areas_with(scene, other);
     if scene.is_cancelled() {
         return 0.0;
     }
-    let [is_e, others_e] = [scene.areas_light.e(), others.e()];
-    f64::from(reduce::furthest_apart(is_e, others_e)) * scene.responds()
+    let [current_e, others_e] = [scene.areas_light.e(), others.e()];
+    f64::from(reduce::max_difference(current_e, others_e)) * scene.responds()
 }
 
 /// Bound of the change of a pixel if area light moves by `px`, from the steepest step between two
 /// pixels, e-.
 pub fn areas_moved_e(scene: &Scene, px: f64) -> f64 {
     let steepest = |rows: &[f32], step: usize| match rows.get(step..) {
-        Some(next) => reduce::furthest_apart(rows, next),
+        Some(next) => reduce::max_difference(rows, next),
         None => 0.0,
     };
     let Detector { width, height, .. } = scene.view.camera.detector;
@@ -75,8 +75,8 @@ pub fn areas_moved_e(scene: &Scene, px: f64) -> f64 {
 }
 
 /// Estimate of the greatest change of a pixel's area light between the effects `a` and `b`, by its
-/// solid angle and transmission, e-. They are relative to an ideal pixel's, which each area's peak
-/// holds for.
+/// solid angle and transmission, e-. Both are relative to the ideal pixel for which the peaks are
+/// computed.
 pub fn areas_taken_e(view: &View, a: &EffectSet, b: &EffectSet) -> f64 {
     let of_sky = view.areas.iter().filter(|area| {
         let radiance = area.radiance.as_ref();
@@ -88,14 +88,14 @@ pub fn areas_taken_e(view: &View, a: &EffectSet, b: &EffectSet) -> f64 {
     }
     let planes = [&EffectSet::default(), a, b];
     let planes = planes.map(|of| Plane::new(view, of, Vector3::zeros()));
-    let position = |i: usize, side: f64| i as f64 / (PLACES - 1) as f64 * side - 0.5;
+    let position = |i: usize, side: f64| i as f64 / (SAMPLES - 1) as f64 * side - 0.5;
     let [columns, rows] = view.camera.detector.sides();
-    let parts = (0..PLACES * PLACES).filter_map(|i| {
-        let at = [position(i % PLACES, columns), position(i / PLACES, rows)];
+    let parts = (0..SAMPLES * SAMPLES).filter_map(|i| {
+        let at = [position(i % SAMPLES, columns), position(i / SAMPLES, rows)];
         let taken = |plane: &Plane<'_>| Some(plane.taken(at)?.1);
         let [ideal, a, b] = [&planes[0], &planes[1], &planes[2]].map(taken);
-        let apart = (a.unwrap_or(0.0) - b.unwrap_or(0.0)).abs();
-        Some(apart / ideal.filter(|ideal| *ideal > 0.0)?)
+        let difference = (a.unwrap_or(0.0) - b.unwrap_or(0.0)).abs();
+        Some(difference / ideal.filter(|ideal| *ideal > 0.0)?)
     });
     BETWEEN * peak_e * parts.fold(0.0, f64::max)
 }
@@ -117,37 +117,37 @@ pub fn areas_changed_e(scene: &Scene, other: &EffectSet, px: f64) -> f64 {
     if scene.is_cancelled() {
         return 0.0;
     }
-    let [is_e, others_e] = [areas.e(), others.e()];
-    let comes_e = |pixel: usize| {
-        let comes = others_e.get(pixel).copied().unwrap_or(0.0);
-        f64::from(comes) - f64::from(is_e[pixel])
+    let [current_e, others_e] = [areas.e(), others.e()];
+    let change_e = |pixel: usize| {
+        let other = others_e.get(pixel).copied().unwrap_or(0.0);
+        f64::from(other) - f64::from(current_e[pixel])
     };
-    let (mut most, mut columns_e) = (0.0f64, vec![0.0; width]);
+    let (mut max_e, mut columns_e) = (0.0f64, vec![0.0; width]);
     let rows = (0..height).take_while(|_| !scene.is_cancelled());
     for pixel in rows.flat_map(|row| row * width..(row + 1) * width) {
-        let comes = comes_e(pixel);
-        columns_e[pixel % width] += comes;
+        let change = change_e(pixel);
+        columns_e[pixel % width] += change;
         if !scene.blooming.has(pixel % width) {
-            most = most.max(comes.abs());
+            max_e = max_e.max(change.abs());
         }
     }
     let transfer_smear = columns_e.iter().map(|e| e.abs()).fold(0.0, f64::max);
-    let most = most * scene.responds() + transfer_smear * scene.transfer_smear_fraction();
+    let max_e = max_e * scene.responds() + transfer_smear * scene.transfer_smear_fraction();
     let columns = &scene.blooming.columns;
     if columns.is_empty() || scene.is_cancelled() {
-        return most;
+        return max_e;
     }
-    most.max(greatest(scene, columns, |columns| {
+    max_e.max(greatest(scene, columns, |columns| {
         let mut with = light_e(scene, columns, &scene.simulated);
         let mut without = with.clone();
         for (charge, column) in without.chunks_exact_mut(height).zip(columns) {
             for (row, e) in charge.iter_mut().enumerate() {
-                *e = (*e + comes_e(row * width + column)).max(0.0);
+                *e = (*e + change_e(row * width + column)).max(0.0);
             }
         }
         for light in [&mut with, &mut without] {
             hold(scene, light, columns, &scene.simulated);
         }
-        apart(&with, &without)
+        max_difference(&with, &without)
     }))
 }

@@ -1,4 +1,4 @@
-//! The most and the least light that a pixel of each column of cells turns into charge.
+//! Bounds of the light of a pixel, for each column of cells.
 
 use super::cells::{self, CELL};
 use crate::scene::area::area_light::AreaLight;
@@ -8,8 +8,8 @@ use crate::scene::lit::Lit;
 use crate::scene::source::{Body, Source};
 use crate::scene::transfer_smear::columns_e;
 
-/// Bound of the charge that `lights` alone give to a pixel, for each column of cells, e-, with and
-/// without pixel response.
+/// Bound of the charge of a pixel from `lights` alone, for each column of cells, e-. It holds with
+/// and without pixel response.
 pub fn lit_e<'a>(scene: &Scene, lights: impl Iterator<Item = Lit<'a>>) -> Vec<f64> {
     cells::greatest_e(&scene.view.camera.detector, &light_of_cells(scene, lights))
 }
@@ -17,7 +17,7 @@ pub fn lit_e<'a>(scene: &Scene, lights: impl Iterator<Item = Lit<'a>>) -> Vec<f6
 fn light_of_cells<'a>(scene: &Scene, lights: impl Iterator<Item = Lit<'a>>) -> Vec<Vec<f64>> {
     let detector = &scene.view.camera.detector;
     let response = |pixel| detector.pattern.response_of(pixel).max(1.0);
-    let weight = !turns_all_alike(scene);
+    let weight = !has_uniform_response(scene);
     let weight = weight.then_some(&response as cells::Weight<'_>);
     cells::cells_of(detector, lights, weight, &scene.view.limit)
 }
@@ -32,7 +32,7 @@ pub fn stars_and_all_lit_e(scene: &Scene) -> [Vec<f64>; 2] {
     let stars = cells::greatest_e(detector, &parts);
     parts.extend(lit(others));
     let areas = scene.areas_light.light();
-    if turns_all_alike(scene) {
+    if has_uniform_response(scene) {
         parts.extend(areas.map(|light| light.most_of_cells(CELL)));
     } else {
         parts.extend(light_of_cells(scene, areas.into_iter().map(Lit::from)));
@@ -40,15 +40,15 @@ pub fn stars_and_all_lit_e(scene: &Scene) -> [Vec<f64>; 2] {
     [stars, cells::greatest_e(detector, &parts)]
 }
 
-/// Whether all pixels turn light into charge alike.
-fn turns_all_alike(scene: &Scene) -> bool {
+/// Whether all pixels have the same response.
+fn has_uniform_response(scene: &Scene) -> bool {
     !scene.simulated.has(EffectId::PixelResponse)
         || scene.view.camera.detector.pattern.response().is_none()
 }
 
 /// [`lit_e`] of one area source.
 pub fn area_lit_e(scene: &Scene, area: &AreaLight) -> Vec<f64> {
-    if turns_all_alike(scene) {
+    if has_uniform_response(scene) {
         area.most_of_columns()
     } else {
         lit_e(scene, area.light().into_iter().map(Lit::from))
@@ -66,7 +66,7 @@ pub fn lit_where(scene: &Scene, weight: impl Fn(usize) -> f64 + Sync) -> Vec<f64
     )
 }
 
-/// The trail of one area source's light in each column, e- a pixel.
+/// Frame-transfer smear of one area source in each column, e- a pixel.
 pub fn transfer_smear_of(scene: &Scene, area: &AreaLight) -> Vec<f64> {
     let lights = area.light().into_iter().map(Lit::from);
     let mut columns = columns_e(&scene.view, lights);
@@ -75,8 +75,8 @@ pub fn transfer_smear_of(scene: &Scene, area: &AreaLight) -> Vec<f64> {
     columns
 }
 
-/// The least charge that a pixel of each column gets from the area sources in `parts`, with the
-/// least response, e-; empty where there are none.
+/// The least charge of a pixel of each column from the area sources in `parts`, at the least
+/// response, e-; empty without area sources.
 pub fn areas_floor_e(scene: &Scene, parts: &EffectSet) -> Vec<f64> {
     let width = scene.view.camera.detector.width;
     let mut floors = Vec::new();
@@ -87,12 +87,12 @@ pub fn areas_floor_e(scene: &Scene, parts: &EffectSet) -> Vec<f64> {
             floors.iter_mut().for_each(|floor| *floor += f64::from(e));
         }
     }
-    let responds = 2.0 - scene.responds();
-    floors.iter_mut().for_each(|floor| *floor *= responds);
+    let min_response = 2.0 - scene.responds();
+    floors.iter_mut().for_each(|floor| *floor *= min_response);
     floors
 }
 
-/// The least charge that a pixel gets from an area source, e-.
+/// The least charge of a pixel from an area source, e-.
 pub fn least_e(scene: &Scene, area: &AreaLight) -> f64 {
     let least = area.floor_e().reduce(f32::min).unwrap_or(0.0);
     f64::from(least) * (2.0 - scene.responds())

@@ -1,4 +1,4 @@
-//! Bound of the brightest pixel, by cells of pixels; far cheaper than drawing the sources.
+//! Bound of the brightest pixel by cells of pixels: far faster than drawing the sources.
 
 use crate::camera::Detector;
 use crate::reduce;
@@ -12,10 +12,10 @@ use std::ops::Range;
 /// Side of the cells in which the light of sources is added up, px.
 pub const CELL: usize = 8;
 
-/// Number of parts into which a scene's lights are divided, and least number of lights of one.
+/// Number of parts into which a scene's lights are divided, and least number of lights of a part.
 const PARTS: usize = 4;
 const FEW: usize = 256;
-/// Lights of so many pixels are divided into bands of so many rows.
+/// Lights of at least so many pixels are divided into bands of so many rows.
 const WIDE: usize = 1 << 16;
 const BAND: usize = 16 * CELL;
 
@@ -35,8 +35,7 @@ pub fn pixels_e<'a>(
     greatest_e(detector, &cells_of(detector, lights, weight, limit))
 }
 
-/// In each cell the sum of what every light gives to its brightest pixel there, e-, in parts that
-/// are to be added up.
+/// For each cell the sum over lights of their brightest pixel in it, e-; in parts, to be added up.
 pub fn cells_of<'a>(
     detector: &Detector,
     lights: impl Iterator<Item = Lit<'a>>,
@@ -63,7 +62,7 @@ pub fn cells_of<'a>(
     parts
 }
 
-/// The greatest cell of each column of cells, of `parts` together.
+/// The greatest cell of each column of cells, for the sum of `parts`.
 pub fn greatest_e(detector: &Detector, parts: &[Vec<f64>]) -> Vec<f64> {
     let columns = detector.width.div_ceil(CELL);
     let none = || vec![0.0f64; columns];
@@ -89,7 +88,7 @@ pub fn greatest_e(detector: &Detector, parts: &[Vec<f64>]) -> Vec<f64> {
         })
 }
 
-/// In each cell of some rows the sum of what every light gives to its brightest pixel there, e-.
+/// The cells of some rows: the sum over lights of their brightest pixel in each, e-.
 fn cells_e(
     detector: &Detector,
     lights: &[Lit<'_>],
@@ -100,19 +99,19 @@ fn cells_e(
     let columns = detector.width.div_ceil(CELL);
     let top = rows.start / CELL;
     let mut cells = vec![0.0; columns * (rows.end.div_ceil(CELL) - top)];
-    // The brightest pixel of each column in the current row of cells; and the range of lit columns.
+    // The brightest pixel of each column in the current row of cells; the range of lit columns.
     let mut greatest = vec![0.0f32; columns * CELL];
     let mut lit = (usize::MAX, 0);
     for light in lights.iter().take_while(|_| !limit.is_cancelled()) {
         let mut rows = light.footprint.rows(rows.clone()).peekable();
         while let Some((row, first, shares)) = rows.next() {
-            let here = greatest[first..].iter_mut().zip(shares);
+            let pairs = greatest[first..].iter_mut().zip(shares);
             match weight {
-                None => here.for_each(|(most, share)| raise(most, *share)),
+                None => pairs.for_each(|(max, share)| raise(max, *share)),
                 Some(weight) => {
                     let pixel = row * detector.width + first;
-                    here.zip(pixel..).for_each(|((most, share), pixel)| {
-                        raise(most, no_less(f64::from(*share) * weight(pixel)))
+                    pairs.zip(pixel..).for_each(|((max, share), pixel)| {
+                        raise(max, round_up(f64::from(*share) * weight(pixel)))
                     });
                 }
             }
@@ -152,8 +151,8 @@ fn greatest_of(mut columns: [f32; CELL]) -> f32 {
     columns[0]
 }
 
-/// In single precision, rounded up: still a bound.
-fn no_less(value: f64) -> f32 {
+/// Single precision, rounded up: still a bound.
+fn round_up(value: f64) -> f32 {
     let single = value as f32;
     if f64::from(single) < value {
         single.next_up()
@@ -162,9 +161,9 @@ fn no_less(value: f64) -> f32 {
     }
 }
 
-fn raise<T: Copy + PartialOrd>(most: &mut T, to: T) {
+fn raise<T: Copy + PartialOrd>(max: &mut T, to: T) {
     // Not `max`, whose handling of NaN is slow.
-    *most = if to > *most { to } else { *most };
+    *max = if to > *max { to } else { *max };
 }
 
 /// The share of a source's brightest pixel.
@@ -172,9 +171,8 @@ pub fn greatest_share(source: &Source) -> f64 {
     reduce::greatest(source.footprint.shares()).into()
 }
 
-/// Calls `each` once with every cell that has a pixel of a source's image, or one within `beside`
-/// pixels of it.
-pub fn cells(detector: &Detector, source: &Source, beside: usize, mut each: impl FnMut(usize)) {
+/// Calls `each` once with every cell within `margin` pixels of a source's image.
+pub fn cells(detector: &Detector, source: &Source, margin: usize, mut each: impl FnMut(usize)) {
     let columns = detector.width.div_ceil(CELL);
     let lit = |(_, _, shares): &(usize, usize, &[f32])| !shares.is_empty();
     let rows = source.footprint.rows(0..detector.height).filter(lit);
@@ -189,7 +187,7 @@ pub fn cells(detector: &Detector, source: &Source, beside: usize, mut each: impl
             down = (down.0.min(row), down.1.max(row));
         }
         let cells = |(from, to): (usize, usize), pixels: usize| {
-            from.saturating_sub(beside) / CELL..(to + beside).min(pixels - 1) / CELL + 1
+            from.saturating_sub(margin) / CELL..(to + margin).min(pixels - 1) / CELL + 1
         };
         let across = cells(across, detector.width);
         for row in cells(down, detector.height) {
@@ -199,18 +197,17 @@ pub fn cells(detector: &Detector, source: &Source, beside: usize, mut each: impl
         }
         return;
     }
-    // Open rows of cells, each with its least and greatest column. Rows of cells before the current
-    // row are complete.
+    // Open rows of cells, each with its first and last column. Earlier rows are complete.
     let (mut open, mut top) = (VecDeque::<(usize, usize)>::new(), None);
     let mut close = |row: usize, (from, to): (usize, usize)| {
         (row * columns + from..=row * columns + to).for_each(&mut each);
     };
     let none = (usize::MAX, 0);
     for (row, column, shares) in rows {
-        let low = column.saturating_sub(beside) / CELL;
-        let high = (column + shares.len() - 1 + beside).min(detector.width - 1) / CELL;
-        let first = row.saturating_sub(beside) / CELL;
-        let last = (row + beside).min(detector.height - 1) / CELL;
+        let low = column.saturating_sub(margin) / CELL;
+        let high = (column + shares.len() - 1 + margin).min(detector.width - 1) / CELL;
+        let first = row.saturating_sub(margin) / CELL;
+        let last = (row + margin).min(detector.height - 1) / CELL;
         let top = top.get_or_insert(first);
         while *top < first {
             if let Some(reached) = open.pop_front().filter(|reached| *reached != none) {
@@ -238,13 +235,13 @@ mod tests {
     use skyloop_base::load::Folder;
 
     #[test]
-    fn of_many_lights_no_pixel_has_more() {
+    fn no_pixel_exceeds_its_cell() {
         let camera = Camera::load("cots-wide", &Folder::current()).unwrap();
         let mut detector = camera.detector;
         (detector.width, detector.height) = (20, 12);
-        // Each has all its light on one pixel, every other on the same.
-        let places = || (0..2_000_usize).map(|i| if i % 2 == 0 { 100 } else { (i * 7) % 240 });
-        let lit: Vec<Footprint> = places()
+        // Each light is on one pixel; every second light is on the same pixel.
+        let positions = || (0..2_000_usize).map(|i| if i % 2 == 0 { 100 } else { (i * 7) % 240 });
+        let lit: Vec<Footprint> = positions()
             .map(|position| {
                 let mut shares = vec![0.0; 240];
                 shares[position] = 1.0;
@@ -262,14 +259,17 @@ mod tests {
             &WorkLimit::default(),
         );
         let mut held = vec![0.0; 240];
-        places().for_each(|position| held[position] += 3.0 * position as f64);
+        positions().for_each(|position| held[position] += 3.0 * position as f64);
         assert_eq!(bounds.len(), 3);
         for (column, bound) in bounds.iter().enumerate() {
             let pixels = held.iter().enumerate();
-            let here = pixels.filter(|(pixel, _)| pixel % 20 / CELL == column);
-            let most = here.map(|(_, e)| *e).fold(0.0, f64::max);
-            // X-Val: of a cell's 64 pixels each light is on one.
-            assert!((most..=64.0 * most).contains(bound), "{bound} {most}");
+            let column_pixels = pixels.filter(|(pixel, _)| pixel % 20 / CELL == column);
+            let brightest = column_pixels.map(|(_, e)| *e).fold(0.0, f64::max);
+            // X-Val: each light is on one of a cell's 64 pixels.
+            assert!(
+                (brightest..=64.0 * brightest).contains(bound),
+                "{bound} {brightest}"
+            );
         }
     }
 }

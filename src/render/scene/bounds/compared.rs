@@ -1,8 +1,8 @@
-//! How images differ from those with other effects: bounds for all, the true difference for those
-//! that matter.
+//! Changes of images with other effects: bounds for all, true differences where the bounds are
+//! largest.
 //!
-//! The change of every source is bounded first (`image`). Where the bounds add up to most, the
-//! greatest of them are replaced: the other image is formed, and both are compared pixel by pixel.
+//! The change of every source is bounded first (`image`). In the cell with the largest sum, the
+//! greatest bounds are replaced: the other image is formed, and both are compared pixel by pixel.
 //! `points` chooses the cells, until the bounds are no more than the known changes. The number of
 //! compared pixels is limited (`Compared::spare`), because forming images is expensive.
 
@@ -16,9 +16,9 @@ use crate::scene::imaging::Imaging;
 use crate::scene::source::{Candidate, Source};
 use std::ops::Range;
 
-/// Pixels that may be computed again for a skipped effect, each frame;
+/// Limit of recomputed pixels for a skipped effect, in each frame.
 const SKIPPED: u64 = 1_000;
-/// for one that runs (only where a plan is printed), one part in `PART` of the pixels of all
+/// The same for an effect that runs (only for printed plans): `1 / PART` of the pixels of all
 /// images, and `MORE`.
 const PART: u64 = 4;
 const MORE: u64 = 1_000_000;
@@ -29,15 +29,16 @@ const GREATEST: usize = 128;
 struct Light<'a> {
     source: &'a Source,
     e: f64,
-    beside: usize,
-    /// Whether the true change is known instead.
+    /// How far from the image the change reaches, px.
+    margin: usize,
+    /// Whether the true change has replaced the bound.
     settled: bool,
 }
 
-/// An image with the scene's effects and with the other effects.
+/// An image with the scene's effects, and with the other effects.
 struct Pair<'a> {
-    here: Option<&'a Source>,
-    there: Option<Source>,
+    current: Option<&'a Source>,
+    other: Option<Source>,
 }
 
 /// The images of a scene, and their changes with other effects.
@@ -54,27 +55,27 @@ pub struct Compared<'a> {
     known: Vec<f64>,
     /// Columns of cells.
     columns: usize,
-    /// How many pixels may still be computed.
+    /// Remaining number of pixels that may be computed.
     spare: u64,
 }
 
 /// The changes of the pixels of a column of cells, e-.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Peak {
-    /// The known change, in the cell whose known change and bound are greatest together.
+    /// The known change of the cell with the greatest sum of known change and bound.
     pub known: f64,
-    /// The bound of the rest there.
+    /// The bound of that cell's other sources.
     pub bound: f64,
     /// That cell's row.
     pub row: usize,
     /// The greatest bound in any cell of the column, and its row.
-    pub most: (f64, usize),
-    /// Bounds of the change of a column of pixels: known changes, and the rest.
+    pub max_bound: (f64, usize),
+    /// Bounds of the change of a column of pixels: known changes, and other sources.
     pub all: [f64; 2],
 }
 
-/// Compares the images with those with the effects `other`; `faint` and `change` bound the change
-/// of each ([`changes`]). If it `enters`, sources may be on the detector that are not now.
+/// Compares the images with those of the effects `other`; `faint` and `change` bound the change of
+/// each ([`changes`]). With `enters`, further sources may come onto the detector.
 pub fn compare<'a>(
     scene: &'a Scene,
     other: &EffectSet,
@@ -93,10 +94,10 @@ pub fn compare<'a>(
         fidelity.skip_px = 0.0;
     }
     let lights = changes(scene, faint, change).into_iter();
-    let lights = lights.map(|(source, e, beside)| Light {
+    let lights = lights.map(|(source, e, margin)| Light {
         source,
         e,
-        beside,
+        margin,
         settled: false,
     });
     let mut compared = Compared {
@@ -127,9 +128,9 @@ pub fn compare<'a>(
     lights.sort_by(falling);
     if enters {
         for source in entering(scene, other) {
-            compared.know(Pair {
-                here: None,
-                there: Some(source),
+            compared.add_pair(Pair {
+                current: None,
+                other: Some(source),
             });
         }
     }
@@ -148,8 +149,8 @@ impl<'a> Compared<'a> {
                 if known + bound > peak.known + peak.bound {
                     (peak.known, peak.bound, peak.row) = (*known, bound, row);
                 }
-                if bound > peak.most.0 {
-                    peak.most = (bound, row);
+                if bound > peak.max_bound.0 {
+                    peak.max_bound = (bound, row);
                 }
                 let pixels = CELL as f64;
                 peak.all = [peak.all[0] + known * pixels, peak.all[1] + bound * pixels];
@@ -158,9 +159,9 @@ impl<'a> Compared<'a> {
         peaks
     }
 
-    /// Replaces the greatest bounds in a cell by true changes, until the rest is no more than
-    /// those. Returns the columns of cells that it touched; none if no bound can be replaced.
-    pub fn look_closer(&mut self, column: usize, row: usize) -> Vec<usize> {
+    /// Replaces the greatest bounds in a cell by true changes, until the remaining bounds are no
+    /// greater than these. Returns the changed columns of cells; none if no bound can be replaced.
+    pub fn replace_bounds(&mut self, column: usize, row: usize) -> Vec<usize> {
         let scene = self.scene;
         let detector = &scene.view.camera.detector;
         let wanted = row * self.columns + column;
@@ -185,9 +186,9 @@ impl<'a> Compared<'a> {
                 self.bounds[cell] -= e;
                 replaced.push(cell % self.columns);
             });
-            self.know(Pair {
-                here: Some(source),
-                there: other_image(scene, source, &self.other, &self.fidelity),
+            self.add_pair(Pair {
+                current: Some(source),
+                other: other_image(scene, source, &self.other, &self.fidelity),
             });
             if self.bounds[wanted] <= self.known[wanted] {
                 break;
@@ -197,7 +198,7 @@ impl<'a> Compared<'a> {
     }
 
     /// Adds the difference of a pair of images to the known changes.
-    fn know(&mut self, pair: Pair<'a>) {
+    fn add_pair(&mut self, pair: Pair<'a>) {
         let (detector, columns) = (&self.scene.view.camera.detector, self.columns);
         let response = self.scene.simulated.has(EffectId::PixelResponse);
         let mut greatest = vec![0.0f64; columns];
@@ -226,18 +227,18 @@ impl<'a> Compared<'a> {
     }
 
     /// The known change of the light of each pixel of `columns`, one column after the other, e-.
-    pub fn comes_e(&self, columns: &Range<usize>) -> Vec<f64> {
+    pub fn change_e(&self, columns: &Range<usize>) -> Vec<f64> {
         let detector = &self.scene.view.camera.detector;
-        let mut comes = vec![0.0; columns.len() * detector.height];
+        let mut change = vec![0.0; columns.len() * detector.height];
         let pairs = self.pairs.iter();
         for pair in pairs.take_while(|_| !self.scene.is_cancelled()) {
             pair.each(detector, |row, column, e| {
                 if columns.contains(&column) {
-                    comes[(column - columns.start) * detector.height + row] += e;
+                    change[(column - columns.start) * detector.height + row] += e;
                 }
             });
         }
-        comes
+        change
     }
 }
 
@@ -245,8 +246,8 @@ impl Pair<'_> {
     /// Calls `each` with row, column and change (e-) of every pixel of either image, row by row.
     fn each(&self, detector: &Detector, mut each: impl FnMut(usize, usize, f64)) {
         for row in 0..detector.height {
-            let (a, was, was_e) = line(self.here, row);
-            let (b, is, is_e) = line(self.there.as_ref(), row);
+            let (a, was, was_e) = line(self.current, row);
+            let (b, is, is_e) = line(self.other.as_ref(), row);
             for (column, share) in (a..).zip(was) {
                 let other = column.checked_sub(b).and_then(|i| is.get(i));
                 let other = other.map_or(0.0, |share| f64::from(*share) * is_e);
@@ -261,7 +262,7 @@ impl Pair<'_> {
     }
 }
 
-/// The images that touch the detector with the effects `without`, and not in the scene.
+/// The images that touch the detector with the effects `without`, but not in the scene.
 pub fn entering(scene: &Scene, without: &EffectSet) -> Vec<Source> {
     if *without == scene.simulated {
         return Vec::new();
@@ -273,38 +274,39 @@ pub fn entering(scene: &Scene, without: &EffectSet) -> Vec<Source> {
     let readout_px = view.longest_track_px(view.camera.readout_s()) / 2.0;
     let margin = optics.psf.reach_px(fidelity.psf_loss) + readout_px + 1.0;
     let comes_near = |candidate: &Candidate| {
-        let places = seen(&candidate.body).map(|seen| optics.project_by(&projection, &seen));
-        let places: Vec<[f64; 2]> = places.into_iter().flatten().collect();
+        let positions = seen(&candidate.body).map(|seen| optics.project_by(&projection, &seen));
+        let positions: Vec<[f64; 2]> = positions.into_iter().flatten().collect();
         [detector.width, detector.height]
             .iter()
             .enumerate()
             .all(|(k, pixels)| {
-                let along = || places.iter().map(|at| at[k]);
+                let along = || positions.iter().map(|at| at[k]);
                 let (low, high) = (
                     along().fold(f64::MAX, f64::min),
                     along().fold(f64::MIN, f64::max),
                 );
-                // The path may bend between the three places.
+                // The path may bend between the three positions.
                 let margin = margin + (high - low) / 2.0;
                 low <= *pixels as f64 + margin && high >= -margin
             })
     };
-    let mut there = scene
+    let mut imaged = scene
         .sources
         .iter()
         .map(|source| source.body.identity())
         .peekable();
-    let gone = view.candidates.iter().filter(|candidate| {
-        let here = there.next_if_eq(&candidate.body.identity()).is_some();
+    let missing = view.candidates.iter().filter(|candidate| {
+        let has_image = imaged.next_if_eq(&candidate.body.identity()).is_some();
         let shines = scene.simulated.has(candidate.body.effect());
-        !here && shines && candidate.electrons() > 0.0 && comes_near(candidate)
+        !has_image && shines && candidate.electrons() > 0.0 && comes_near(candidate)
     });
     let imaging = Imaging {
         view,
         simulated: without,
         fidelity,
     };
-    gone.filter_map(|candidate| imaging.image(candidate))
+    missing
+        .filter_map(|candidate| imaging.image(candidate))
         .collect()
 }
 
@@ -326,20 +328,20 @@ fn other_image(
     imaging.image(candidate)
 }
 
-/// About how many pixels that computes.
+/// Estimated number of pixels that [`other_image`] evaluates.
 fn pixels(scene: &Scene, source: &Source, other: &EffectSet, fidelity: &Fidelity) -> u64 {
-    let worked_out = source.footprint.evaluated();
+    let evaluated = source.footprint.evaluated();
     let moves = |of: &EffectSet| of.moves_images();
     if moves(other) {
         // A short track has two pieces of two points.
         return if moves(&scene.simulated) {
-            worked_out
+            evaluated
         } else {
-            4 * worked_out
+            4 * evaluated
         };
     }
     let drawn_px = (scene.view.camera.optics.psf).drawn_px(fidelity, source.clear_e);
-    worked_out.min((2.0 * drawn_px + 1.0).powi(2) as u64)
+    evaluated.min((2.0 * drawn_px + 1.0).powi(2) as u64)
 }
 
 /// A row of a source's image: its first column, its shares, and the electrons of the source.
@@ -353,5 +355,5 @@ fn line(source: Option<&Source>, row: usize) -> (usize, &[f32], f64) {
 
 /// Calls `each` once with every cell that a light's change reaches.
 fn each_cell(detector: &Detector, light: &Light<'_>, each: impl FnMut(usize)) {
-    cells(detector, light.source, light.beside, each);
+    cells(detector, light.source, light.margin, each);
 }

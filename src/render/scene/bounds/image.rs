@@ -1,16 +1,16 @@
 //! Bounds of the change of one image without an effect that shapes it.
 //!
-//! A source's light on a pixel changes by no more than what it is there with or without the effect.
-//! If the image moves by d, or is spread a little further, the steepest slope and the strongest
-//! bend of a Gaussian of width s and height N bound the change:
+//! A source's light on a pixel changes by at most its value with or without the effect. If the
+//! image moves by d or widens slightly, the steepest slope and the strongest bend of a Gaussian of
+//! width s and height N bound the change:
 //!
 //! ```text
 //! slope <= 0.61 N / s (0.86 N / s across and along a streak),   bend <= N / s^2
 //! ```
 //!
 //! Spreads given as images have their own peak, slope and kinks (`Gradient`). An image centred r
-//! outside of the detector has the slope `N r / s^2` and the bend `N r^2 / s^4` at its edge. Wings
-//! end at whole pixels, and the light at their edge comes and goes; so do sources that touch the
+//! outside the detector has the slope `N r / s^2` and the bend `N r^2 / s^4` at its edge. Wings end
+//! at whole pixels, so the light at their edge may appear or vanish; so may sources that touch the
 //! detector only with the effect, or only without it. `compared` adds the changes up where images
 //! overlap; `points` and `wells` apply pixel response and full wells.
 
@@ -24,13 +24,13 @@ use nalgebra::Vector3;
 use rayon::prelude::*;
 use std::f64::consts::TAU;
 
-/// The steepest slope, in heights a core, of the image of a point that stands still.
+/// The steepest slope of the image of a point at rest, in heights per core width.
 pub const STEEPEST: f64 = 0.61;
 /// The same of a streak, in any direction at once.
 pub const STEEPEST_STREAK: f64 = 0.86;
 
-/// The changes of the brightest sources decide which others are faint: those whose whole light is
-/// below this part of them.
+/// Number of bright sources. A source is faint if its whole light is below this fraction of their
+/// greatest change.
 const BRIGHT: usize = 16;
 const FAINT: f64 = 0.02;
 
@@ -38,7 +38,7 @@ const FAINT: f64 = 0.02;
 pub struct Image<'a> {
     /// The source.
     pub source: &'a Source,
-    /// Bound of its light on a pixel, wherever it is and however it moves, e-.
+    /// Bound of its light on a pixel, for any position and motion, e-.
     pub still_e: f64,
     /// Width of its core, px.
     pub core_px: f64,
@@ -49,9 +49,9 @@ pub struct Image<'a> {
     /// Whether its centroid is off the detector, and how far the whole path stays from it, px.
     is_outside: bool,
     outside_px: f64,
-    /// The share of its light on the pixel that it is centred on.
+    /// Its share of a pixel that it is centred on.
     middle: f64,
-    /// How far its light is drawn, px.
+    /// Its drawing radius, px.
     drawn_px: f64,
     /// Bound of a pixel's share of the light further out, which is distributed evenly
     /// (`footprint`).
@@ -59,19 +59,19 @@ pub struct Image<'a> {
 }
 
 impl Image<'_> {
-    /// The height of its image, e- a pixel.
+    /// The peak of its image, e- a pixel.
     pub fn height_e(&self) -> f64 {
         let source = self.source;
-        // Between pixels it may be higher than in the brightest: by the ratio of a source in the
-        // middle of a pixel to one at a corner.
+        // The peak may lie between pixels: the ratio of a source in the middle of a pixel to one at
+        // a corner.
         let over = match self.psf.gradient() {
             Some(relief) => relief.over_brightest,
             None => self.middle / self.psf.on_pixel([0.5; 2], &mut Stamp::default()),
         };
         let mut height_e = source.electrons * greatest_share(source) * over;
         if self.is_outside {
-            // Only a little of it may be on the detector. A streak of even speed has the height
-            // sqrt(2 pi) s / length; a quarter more.
+            // Only its flank may be on the detector. A streak of constant speed has the height
+            // sqrt(2 pi) s / length; 25 % margin.
             let streak = 1.25 * 2.507 * self.core_px / self.length_px.max(f64::MIN_POSITIVE);
             height_e = height_e.max(self.still_e * streak);
         }
@@ -92,8 +92,8 @@ impl Image<'_> {
 
     /// Bound of the change of a pixel's light if a still image, `e` electrons high, is spread over
     /// a path of length L = `length_px` with the same centre, e-: `L^2 / 24` of the bend, and `L /
-    /// 8` of the jump of the slope where cells of images end. A fifth more, for other bends than a
-    /// Gaussian's.
+    /// 8` of the jump of the slope where cells of images end. 20 % margin for profiles other than a
+    /// Gaussian.
     pub fn spread_e(&self, e: f64, length_px: f64) -> f64 {
         let smooth = (length_px / self.core_px).powi(2) / 24.0;
         let kinks = (self.psf.gradient()).map_or(0.0, |of| of.kink / of.peak * length_px / 8.0);
@@ -102,7 +102,7 @@ impl Image<'_> {
             + self.edge_e(length_px / 2.0)
     }
 
-    /// The slope of a Gaussian's flank at the detector's edge, in its heights there a core.
+    /// The slope of a Gaussian's flank at the detector's edge, in local heights per core width.
     fn flank(&self) -> f64 {
         if self.outside_px > 0.0 {
             1.2 * (self.outside_px + 1.0) / self.core_px
@@ -133,20 +133,20 @@ impl Image<'_> {
         e * (most / at(0.0)).min(1.0)
     }
 
-    /// Wings end at whole pixels: the light that comes and goes there if an image moves by `px`,
-    /// e-.
+    /// Light at the edge of the wings, which end at whole pixels: it appears or vanishes if an
+    /// image moves by `px`, e-.
     fn edge_e(&self, px: f64) -> f64 {
         if px == 0.0 {
             return 0.0;
         }
-        let comes = self.source.centroid.iter().any(|at| {
+        let crosses = self.source.centroid.iter().any(|at| {
             [-1.0, 1.0].iter().any(|side| {
                 let edge = at + side * self.drawn_px + 0.5;
                 (edge - edge.round()).abs() <= px + self.length_px / 2.0
             })
         });
         let even_e = self.source.arriving_e * self.even * px.min(1.0);
-        if !comes {
+        if !crosses {
             return even_e;
         }
         let mut stamp = Stamp::default();
@@ -158,8 +158,8 @@ impl Image<'_> {
         self.source.arriving_e * (edge + self.even)
     }
 
-    /// Distance of the centroid from the middle of its ends, px. It exceeds that from the source's
-    /// place at mid-exposure, if it moves along a parabola with constant acceleration.
+    /// Distance of the centroid from the middle of its ends, px. It exceeds the distance from the
+    /// position at mid-exposure, for constant acceleration.
     pub fn bend_px(&self) -> f64 {
         let Source {
             start,
@@ -177,13 +177,13 @@ impl Image<'_> {
 pub struct BoundChange {
     /// Change of any pixel, e-.
     pub e: f64,
-    /// How far from the present image it reaches, px.
-    pub beside_px: f64,
+    /// How far from the present image the change reaches, px.
+    pub reach_px: f64,
 }
 
-/// The bound of each lit image's change: e- of any pixel, and how many pixels beside it. `change`
-/// gives it; a source whose whole light is faint beside the brightest changes is bounded by that
-/// light, up to as many pixels beside it as `faint` gives (none: not allowed).
+/// The bound of each lit image's change: of any pixel, e-, and the number of pixels around the
+/// image. `change` computes it. A source whose whole light is faint compared with the greatest
+/// changes is bounded by that light, up to the number of pixels from `faint` (none: not allowed).
 pub fn changes(
     scene: &Scene,
     faint: impl Fn(&Source) -> Option<f64> + Sync,
@@ -193,8 +193,8 @@ pub fn changes(
     let widest = detector.width.max(detector.height) as f64;
     let shining = (scene.sources.iter())
         .filter(|source| source.arriving_e > 0.0 && !source.footprint.shares().is_empty());
-    // No profile of that width is higher in its middle than a Gaussian. With a rolling shutter rows
-    // may be exposed a little longer.
+    // No profile of that width has a higher peak than a Gaussian. With a rolling shutter rows may
+    // be exposed a little longer.
     let core_px = optics.psf.core_px();
     let middle = match optics.psf_at(optics.principal_px, 1.0).gradient() {
         None => (1.0 / (TAU * core_px * core_px)).min(1.0),
@@ -207,10 +207,10 @@ pub fn changes(
         2.0 * middle * e + even_e.min(0.45 * e)
     };
     let mut shining: Vec<(&Source, f64)> = shining.map(|source| (source, all_e(source))).collect();
-    let beside = |px: f64| px.min(widest).ceil() as usize;
+    let whole_px = |px: f64| px.min(widest).ceil() as usize;
     let bound = |stamp: &mut Stamp, source| {
-        let BoundChange { e, beside_px } = change(&image_of(scene, source, stamp));
-        (source, e, beside(beside_px))
+        let BoundChange { e, reach_px } = change(&image_of(scene, source, stamp));
+        (source, e, whole_px(reach_px))
     };
     let bright = BRIGHT.min(shining.len());
     if bright < shining.len() {
@@ -221,17 +221,17 @@ pub fn changes(
     let bright = bright.iter().take_while(|_| !scene.is_cancelled());
     let bright = bright.map(|(source, _)| bound(&mut stamp, source));
     let mut changes: Vec<(&Source, f64, usize)> = bright.collect();
-    // A disc outshines all points, but its own changes hide in full pixels.
+    // Discs do not count: their own changes are in full pixels.
     let points = changes
         .iter()
         .filter(|(source, ..)| source.body.points() == 1);
-    let most = points.map(|(_, e, _)| *e).fold(0.0, f64::max);
+    let max_e = points.map(|(_, e, _)| *e).fold(0.0, f64::max);
     let others = others
         .par_iter()
         .filter(|_| !scene.is_cancelled())
         .map_init(Stamp::default, |stamp, (source, all_e)| {
-            match faint(source).filter(|_| *all_e <= most * FAINT) {
-                Some(px) => (*source, *all_e, beside(px)),
+            match faint(source).filter(|_| *all_e <= max_e * FAINT) {
+                Some(px) => (*source, *all_e, whole_px(px)),
                 None => bound(stamp, source),
             }
         });
@@ -304,9 +304,9 @@ pub fn rolled(scene: &Scene, image: &Image<'_>, length_px: f64) -> (f64, f64) {
     let furthest = from_middle
         .iter()
         .fold(0.0, |most: f64, y| most.max(y.abs()));
-    // Its wings reach rows that are exposed at other times.
+    // Its wings reach further rows.
     let rows = (furthest + 5.0 * image.core_px).min(half_rows);
-    // The fastest part of uneven motion.
+    // Margin for uneven motion.
     let speed = 1.2 * length_px / scene.view.exposure.duration_s;
     (speed * rows * row_s, (speed * row_s).min(1.0))
 }
@@ -330,7 +330,7 @@ pub fn dimming_px(scene: &Scene) -> f64 {
             slopes.fold(0.0, f64::max) / least.max(f64::MIN_POSITIVE)
         }
     };
-    // A lens with distortion may have a larger angle a pixel than its focal length gives.
+    // With distortion the angle of a pixel may exceed that of the focal length.
     2.0 * by_angle / camera.optics.focal_px
 }
 

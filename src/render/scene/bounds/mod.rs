@@ -1,18 +1,15 @@
-//! Bounds of what leaving an effect out changes in the frame: the errors that plans and labels
-//! declare.
+//! Bounds of the error without an effect, for plans and labels.
 //!
-//! An effect may be skipped if no pixel's expected charge changes by more than a tolerance. Making
-//! the frame twice would tell, at twice the cost, so the change is bounded instead:
+//! An effect may be skipped if no pixel's expected charge changes by more than a tolerance.
+//! Rendering the frame twice would double the cost, so the change is bounded instead:
 //!
-//! 1. The light of every source is bounded in cells of 8 x 8 pixels (`cells`, `brightest`): in each
-//!    cell the sum of what each source gives to its brightest pixel there. What is kept is the
-//!    greatest cell of each column of cells.
+//! 1. Light is bounded in cells of 8 x 8 pixels (`cells`, `brightest`): in each cell the sum over
+//!    sources of their brightest pixel. The greatest cell of each column of cells counts.
 //! 2. An effect that adds light changes a pixel by its own light (`brightest`).
-//! 3. An effect that shapes images changes each by its slope, bend and height (`image`). Where these
-//!    bounds add up to too much, the other images are formed and compared (`compared`, `points`).
-//!    Area light is compared, or bounded by its steepest step (`areas`).
-//! 4. Pixels that fill up show less, and spill (`wells`): their columns are computed with the effect
-//!    and without it.
+//! 3. An effect that shapes images changes each by its slope, bend and height (`image`). Where the
+//!    sum of these bounds is too large, the other images are formed and compared (`compared`,
+//!    `points`). Area light is compared, or bounded by its steepest step (`areas`).
+//! 4. Columns that saturate or bloom are computed with the effect and without it (`wells`).
 
 pub mod areas;
 pub mod brightest;
@@ -29,6 +26,6 @@ pub use image::{
 };
 pub use points::changed_e;
 pub use wells::{
-    BELOW_NOISE, apart, find_blooming, greatest, held_e, held_of, is_below_noise, of_cells,
-    shown_e, with_transfer_smear,
+    BELOW_NOISE, final_change_e, find_blooming, greatest, held_e, held_of, is_below_noise,
+    max_difference, of_cells, with_transfer_smear,
 };

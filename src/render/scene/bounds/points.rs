@@ -3,24 +3,24 @@
 use super::cells::CELL;
 use super::compared::{Compared, Peak, compare};
 use super::image::{BoundChange, Image};
-use super::wells::{apart, fill};
+use super::wells::{fill, max_difference};
 use crate::scene::charge::{light_e, turn};
 use crate::scene::content::Scene;
 use crate::scene::effect_set::{EffectId, EffectSet};
 use crate::scene::source::Source;
 use std::collections::BTreeMap;
 
-/// Bounds are replaced until they are no more than this times the known changes.
+/// Bounds are replaced until they are at most this times the known changes.
 const ENOUGH: f64 = 1.0;
 /// Bounds below this do not matter, e-.
 const MIN_E: f64 = 1e-3;
-/// Most rounds of replacing bounds.
+/// Greatest number of rounds.
 const ROUNDS: usize = 500;
 
-/// Bound of the final change of any pixel with the effects `other`, e-: with pixel response, trails
-/// of frame transfer and full wells. `change` bounds the change of each image; where affordable the
-/// images are compared (`compared`). If it `enters`, sources may be on the detector that are not
-/// now.
+/// Bound of the final change of any pixel with the effects `other`, e-: with pixel response,
+/// frame-transfer smear and full wells. `change` bounds the change of each image; if the budget
+/// allows, images are compared (`compared`). With `enters`, further sources may come onto the
+/// detector.
 pub fn changed_e(
     scene: &Scene,
     other: &EffectSet,
@@ -29,9 +29,9 @@ pub fn changed_e(
     change: impl Fn(&Image<'_>) -> BoundChange + Sync,
 ) -> f64 {
     let mut compared = compare(scene, other, enters, faint, change);
-    // Of columns of cells that fill up: the known final change, and the number of full pixels.
+    // Columns of cells that fill up.
     let mut filled = BTreeMap::<usize, Filled>::new();
-    let mut most = 0.0;
+    let mut max_e = 0.0;
     let all = scene.sources.iter().map(|source| source.arriving_e);
     let full = all.sum::<f64>() / scene.view.camera.detector.full_well_e;
     // The bound of a cancelled frame is not used.
@@ -46,13 +46,17 @@ pub fn changed_e(
         else {
             return 0.0;
         };
-        most = part.all().min(scene.blooming.most_e);
-        let row = if part.passes { peak.most.1 } else { peak.row };
+        max_e = part.all().min(scene.blooming.most_e);
+        let row = if part.overflows {
+            peak.max_bound.1
+        } else {
+            peak.row
+        };
         let enough = part.bound <= ENOUGH * part.known + MIN_E;
         let replaced = if enough {
             Vec::new()
         } else {
-            compared.look_closer(column, row)
+            compared.replace_bounds(column, row)
         };
         if !replaced.is_empty() {
             for column in replaced {
@@ -64,7 +68,7 @@ pub fn changed_e(
             break;
         }
     }
-    most
+    max_e
 }
 
 /// The final change of a column of cells, e-.
@@ -73,17 +77,17 @@ struct Part {
     bound: f64,
     /// Whether its pixels fill up.
     fills: bool,
-    /// Whether its bound is that of full pixels, which pass charge on.
-    passes: bool,
+    /// Whether its bound includes the overflow of full pixels.
+    overflows: bool,
 }
 
 impl Part {
     fn of(scene: &Scene, full: f64, column: usize, peak: &Peak, filled: Option<&Filled>) -> Part {
         let detector = &scene.view.camera.detector;
-        let (trails, responds) = (scene.transfer_smear_fraction(), scene.responds());
+        let (smear, responds) = (scene.transfer_smear_fraction(), scene.responds());
         let [known, bound] = [
-            peak.known + trails * peak.all[0],
-            peak.bound * responds + trails * peak.all[1],
+            peak.known + smear * peak.all[0],
+            peak.bound * responds + smear * peak.all[1],
         ];
         let fills = scene.simulated.has(EffectId::FullWell)
             && scene.fullest_e(column) + known + bound >= detector.full_well_e;
@@ -92,7 +96,7 @@ impl Part {
             known,
             bound,
             fills,
-            passes: false,
+            overflows: false,
         };
         match filled.filter(|_| fills) {
             None if spills => Part {
@@ -102,16 +106,16 @@ impl Part {
             },
             None => own,
             Some(filled) => {
-                let most = peak.most.0;
+                let most = peak.max_bound.0;
                 let passed = if spills {
                     (most * filled.full).min(peak.all[1])
                 } else {
                     0.0
                 };
                 Part {
-                    known: filled.apart,
-                    bound: (most + passed) * responds + trails * peak.all[1] * (1.0 + filled.full),
-                    passes: true,
+                    known: filled.change_e,
+                    bound: (most + passed) * responds + smear * peak.all[1] * (1.0 + filled.full),
+                    overflows: true,
                     ..own
                 }
             }
@@ -126,7 +130,7 @@ impl Part {
 /// Columns that fill up, computed with both images.
 struct Filled {
     /// The greatest change of a pixel's charge, e-.
-    apart: f64,
+    change_e: f64,
     /// Bound of the number of full pixels in a column.
     full: f64,
 }
@@ -137,9 +141,9 @@ impl Filled {
         let columns = column * CELL..((column + 1) * CELL).min(detector.width);
         let listed: Vec<usize> = columns.clone().collect();
         let with = light_e(scene, &listed, &scene.simulated);
-        let comes = compared.comes_e(&columns);
-        let without = with.iter().zip(&comes);
-        let without = without.map(|(e, comes)| (e + comes).max(0.0)).collect();
+        let change = compared.change_e(&columns);
+        let without = with.iter().zip(&change);
+        let without = without.map(|(e, change)| (e + change).max(0.0)).collect();
         let mut full = 0.0f64;
         let [with, without] = [with, without].map(|mut charge: Vec<f64>| {
             turn(scene, &mut charge, &listed, &scene.simulated);
@@ -150,7 +154,7 @@ impl Filled {
             charge
         });
         Filled {
-            apart: apart(&with, &without),
+            change_e: max_difference(&with, &without),
             full,
         }
     }

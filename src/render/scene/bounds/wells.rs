@@ -1,8 +1,7 @@
-//! Full wells: pixels show no more of a change than they hold; where charge spills along a column,
-//! the change also shows elsewhere.
+//! Full wells: a full pixel hides a change; blooming moves it along the column.
 //!
-//! Columns that may fill up are few: their charge is computed pixel by pixel, with an effect and
-//! without it. Elsewhere a pixel shows its own change.
+//! The charge of columns that may fill up is computed pixel by pixel, with an effect and without
+//! it. In other columns a pixel has its own change.
 
 use super::brightest::{areas_floor_e, least_e};
 use super::cells::CELL;
@@ -14,7 +13,7 @@ use crate::scene::charge::{expected_e, in_groups, light_e, turn};
 use crate::scene::content::Scene;
 use crate::scene::effect_set::{EffectId, EffectSet};
 
-/// What fills up and spills in a scene whose images are formed.
+/// The columns that may saturate, in a scene whose images are formed.
 pub fn find_blooming(scene: &Scene) -> BloomingColumns {
     let (detector, simulated) = (&scene.view.camera.detector, &scene.simulated);
     let full_e = detector.full_well_e;
@@ -35,7 +34,7 @@ pub fn find_blooming(scene: &Scene) -> BloomingColumns {
         .filter(cells)
         .flat_map(|column| column..(column + CELL).min(detector.width));
     BloomingColumns {
-        // Whole electrons spill: there may be one more.
+        // Blooming moves whole electrons: one more is possible.
         most_e: if simulated.has(EffectId::FullWell) {
             full_e + 1.0
         } else {
@@ -82,7 +81,7 @@ pub fn held_e(scene: &Scene, columns: &[usize], parts: &EffectSet) -> Vec<f64> {
     charge
 }
 
-/// Turns the light on `columns` into the charge that their pixels hold, e-.
+/// Converts the light on `columns` to the charge that their pixels hold, e-.
 pub fn hold(scene: &Scene, light: &mut [f64], columns: &[usize], parts: &EffectSet) {
     turn(scene, light, columns, parts);
     if parts.has(EffectId::FullWell) {
@@ -105,7 +104,7 @@ pub fn greatest(
 /// Why an effect is not needed if all pixels are full of other light.
 pub const BELOW_NOISE: &str = "all pixels are full of other light";
 
-/// Whether one area source fills all pixels with or without an effect; not that source's own
+/// Whether one area source fills all pixels with or without an effect. False for that source's own
 /// effect.
 pub fn is_below_noise(scene: &Scene, effect: EffectId) -> bool {
     let without = scene.simulated.without(effect);
@@ -116,9 +115,9 @@ pub fn is_below_noise(scene: &Scene, effect: EffectId) -> bool {
     flood.is_some_and(|area| without.has(area))
 }
 
-/// Bound of the final change of a pixel without an effect, e-. `cells_e` gives that of pixels that
-/// do not fill up, for each column of cells.
-pub fn shown_e(scene: &Scene, cells_e: impl FnOnce() -> Vec<f64>, effect: EffectId) -> f64 {
+/// Bound of the final change of a pixel without an effect, e-. `cells_e` is the bound for pixels
+/// that do not fill up, for each column of cells.
+pub fn final_change_e(scene: &Scene, cells_e: impl FnOnce() -> Vec<f64>, effect: EffectId) -> f64 {
     let blooming = &scene.blooming;
     let everywhere = blooming.columns.len() == scene.view.camera.detector.width;
     let cells_e = if everywhere { Vec::new() } else { cells_e() };
@@ -131,30 +130,30 @@ pub fn shown_e(scene: &Scene, cells_e: impl FnOnce() -> Vec<f64>, effect: Effect
         return most;
     }
     let without = scene.simulated.without(effect);
-    // Where all pixels are full with and without it, the change does not show.
+    // A change is invisible where all pixels are full with and without the effect.
     let full_e = flooding_e(&scene.view.camera.detector);
     let floor_e = areas_floor_e(scene, &without);
-    let drowns = without.has(EffectId::FullWell) && scene.simulated.has(EffectId::FullWell);
+    let stay_full = without.has(EffectId::FullWell) && scene.simulated.has(EffectId::FullWell);
     let columns = blooming.columns.iter().copied();
     let columns: Vec<usize> = columns
-        .filter(|column| !(drowns && floor_e.get(*column).is_some_and(|e| *e >= full_e)))
+        .filter(|column| !(stay_full && floor_e.get(*column).is_some_and(|e| *e >= full_e)))
         .collect();
     most.max(greatest(scene, &columns, |columns| {
         let [with, without] = [&scene.simulated, &without].map(|of| held_e(scene, columns, of));
-        apart(&with, &without)
+        max_difference(&with, &without)
     }))
 }
 
-/// A bound for each column of cells, plus the trail of frame transfer (a value a column), e-.
+/// A bound for each column of cells, plus frame-transfer smear (a value a column), e-.
 pub fn with_transfer_smear(
     scene: &Scene,
     mut cells_e: Vec<f64>,
     transfer_smear: impl FnOnce() -> Vec<f64>,
 ) -> Vec<f64> {
     if scene.transfer_smear_fraction() > 0.0 {
-        let trails = of_cells(&transfer_smear());
-        let cells = cells_e.iter_mut().zip(trails);
-        cells.for_each(|(e, transfer_smear)| *e += transfer_smear);
+        let smear = of_cells(&transfer_smear());
+        let cells = cells_e.iter_mut().zip(smear);
+        cells.for_each(|(e, smear)| *e += smear);
     }
     cells_e
 }
@@ -167,10 +166,10 @@ pub fn of_cells(columns: &[f64]) -> Vec<f64> {
         .collect()
 }
 
-/// The greatest difference.
-pub fn apart(a: &[f64], b: &[f64]) -> f64 {
-    let apart = a.iter().zip(b).map(|(a, b)| (a - b).abs());
-    apart.fold(0.0, f64::max)
+/// The greatest difference of two values.
+pub fn max_difference(a: &[f64], b: &[f64]) -> f64 {
+    let differences = a.iter().zip(b).map(|(a, b)| (a - b).abs());
+    differences.fold(0.0, f64::max)
 }
 
 /// The expected charge that `pixels` (sorted row-major indices) hold, e-.
@@ -182,21 +181,21 @@ pub fn held_of(scene: &Scene, pixels: &[u32]) -> Vec<f64> {
     }
     let detector = &scene.view.camera.detector;
     // The positions in `pixels` of those in each column.
-    let mut places = vec![Vec::new(); detector.width];
-    let pixels_and_places = pixels.iter().zip(0u32..);
-    for (pixel, position) in pixels_and_places.take_while(|_| !scene.is_cancelled()) {
-        places[*pixel as usize % detector.width].push(position);
+    let mut positions = vec![Vec::new(); detector.width];
+    let pixels_and_positions = pixels.iter().zip(0u32..);
+    for (pixel, position) in pixels_and_positions.take_while(|_| !scene.is_cancelled()) {
+        positions[*pixel as usize % detector.width].push(position);
     }
     let spilling = scene.blooming.columns.iter().copied();
     let columns: Vec<usize> = spilling
-        .filter(|column| !places[*column].is_empty())
+        .filter(|column| !positions[*column].is_empty())
         .collect();
     let filled = in_groups(scene, &columns, |columns| {
         let charge = held_e(scene, columns, &scene.simulated);
         let charge = charge.chunks_exact(detector.height).zip(columns);
         let held = charge.flat_map(|(charge, column)| {
-            let here = places[*column].iter().map(|at| *at as usize);
-            here.map(|at| (at, charge[pixels[at] as usize / detector.width]))
+            let positions = positions[*column].iter().map(|at| *at as usize);
+            positions.map(|at| (at, charge[pixels[at] as usize / detector.width]))
         });
         held.collect::<Vec<(usize, f64)>>()
     });

@@ -1,13 +1,13 @@
-//! Counters of the work of rasterizing an area source.
+//! Counters of the work to rasterize an area source.
 
 use std::ops::AddAssign;
 
-/// How many evaluations rasterizing took.
+/// Numbers of evaluations.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub struct Requested {
-    /// Of the radiance, one for each place.
+pub struct RasterWork {
+    /// Of the radiance, one for each position.
     pub lights: usize,
-    /// Further ones, for places that move.
+    /// Of the radiance along moving positions, beyond these.
     pub smeared: usize,
     /// Of the angle from an edge.
     pub edges: usize,
@@ -15,8 +15,8 @@ pub struct Requested {
     pub spreads: usize,
 }
 
-impl AddAssign for Requested {
-    fn add_assign(&mut self, other: Requested) {
+impl AddAssign for RasterWork {
+    fn add_assign(&mut self, other: RasterWork) {
         self.lights += other.lights;
         self.smeared += other.smeared;
         self.edges += other.edges;
