@@ -105,7 +105,7 @@ impl Session {
         };
         warm_up(&mut emulator);
         let cameras = (1..).zip(&config.cameras).map(|(number, head)| {
-            let mut emulator = emulator.beside(&head.camera, number);
+            let mut emulator = emulator.further_camera(&head.camera, number);
             warm_up(&mut emulator);
             emulator
         });

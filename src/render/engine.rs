@@ -32,16 +32,16 @@ use std::hint::black_box;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// Capacity of a label's text, bytes: more than most ever need, so that it is not reallocated.
-/// Untouched memory is not resident.
+/// Capacity of a label's text, bytes: enough for most labels, to avoid reallocation. Untouched
+/// memory is not resident.
 const LABEL: usize = 2 << 20;
 
-/// A frame is refused before it begins if its estimated work is this many times the limit.
-/// Otherwise work is counted as it is done: estimates for edges that do not cross the field, or are
-/// full of light, are some 12 times too high.
-const SURELY: f64 = 40.0;
+/// A frame is refused at once if its estimated work exceeds the limit by this factor. Otherwise the
+/// actual work is counted: estimates are up to 12 times too high for edges outside the field or
+/// full of light.
+const REFUSAL_FACTOR: f64 = 40.0;
 
-/// Most threads that are warmed up.
+/// Greatest number of threads to warm up.
 const LEADERS: usize = 4;
 
 /// The emulated camera under its sky.
@@ -55,9 +55,9 @@ pub struct Emulator {
     label_snr: f64,
     /// Which effects may run.
     pub choice: Choice,
-    /// Whether shots keep the expected electrons and the charge.
+    /// Whether frames include the expected electrons and the charge.
     pub keep_expected: bool,
-    /// The vector instructions for pixels; none: one by one, pass by pass. All give the same.
+    /// The vector instructions for pixels; none: one by one, pass by pass. The result is the same.
     pub level: Option<Level>,
     /// Memory of earlier frames.
     memory: Memory,
@@ -68,26 +68,26 @@ pub struct Emulator {
     pub work_limit_s: Option<f64>,
     /// Cancels the current frame, from another thread.
     pub abort: Abort,
-    /// What was done because a frame would have been late, for labels.
+    /// The action against a late frame, for labels.
     pub overrun: Option<&'static str>,
     next_frame: u32,
     rejected_records: u32,
-    /// When the ages of element sets were last checked, and whether they have been reported.
+    /// The epoch of the last check of element set ages, and whether old ones were reported.
     ages: (Option<Epoch>, bool),
 }
 
 impl Emulator {
-    /// The emulator of `setup`. Tolerances are brought into their ranges ([`Fidelity::within_ranges`]); a
-    /// `label_snr` that is no number or below 0 lists all objects.
+    /// The emulator of `setup`. Tolerances are limited to their ranges
+    /// ([`Fidelity::within_ranges`]); a `label_snr` that is NaN or negative lists all objects.
     pub fn new(setup: impl Into<Setup>) -> Emulator {
         let setup: Setup = setup.into();
         let starlight = Arc::new(StarLight::new(setup.sky.selection));
         Emulator::of(setup, starlight)
     }
 
-    /// The emulator of a further camera of the same vehicle, number `number` from 1 on: it sees the same
-    /// objects, whose orbits are computed once for both, and has noise of its own.
-    pub fn beside(&self, camera: &Camera, number: u64) -> Emulator {
+    /// The emulator of a further camera of the same vehicle, number `number` from 1 on. It shares
+    /// the objects, whose orbits are computed once, and has its own noise.
+    pub fn further_camera(&self, camera: &Camera, number: u64) -> Emulator {
         let setup = Setup {
             camera: camera.clone(),
             fidelity: self.fidelity,
@@ -105,7 +105,7 @@ impl Emulator {
         let (sky, population) = (setup.sky, setup.population);
         let camera = Arc::new(setup.camera);
         let band = &camera.optics.band;
-        // The slowest parts of a start, in parallel.
+        // The slowest parts of the start, in parallel.
         let (stars, ()) = rayon::join(
             || StarField::new(Catalog::embedded(sky.selection), band, sky.colour),
             || population.get_ready(),
@@ -138,7 +138,7 @@ impl Emulator {
         }
     }
 
-    /// What does not change from frame to frame.
+    /// The data that does not change from frame to frame.
     pub fn world(&self) -> &World {
         &self.world
     }
@@ -148,13 +148,13 @@ impl Emulator {
         self.camera.clone()
     }
 
-    /// The camera's settings. Values that a camera file may not have give meaningless frames, or
+    /// The camera's settings. Values outside the limits of camera files give meaningless frames or
     /// [`Unobservable`], but no panic.
     pub fn camera_mut(&mut self) -> &mut Camera {
         Arc::make_mut(&mut self.camera)
     }
 
-    /// Whether there are objects, which need an observer's position.
+    /// Whether there are objects; these need an observer's position.
     pub fn has_objects(&self) -> bool {
         !self.world.population.objects().is_empty()
     }
@@ -164,7 +164,7 @@ impl Emulator {
         self.rejected_records
     }
 
-    /// Gives the next frame another number.
+    /// Sets the number of the next frame.
     pub fn number_next(&mut self, number: u32) {
         self.next_frame = number;
     }
@@ -174,8 +174,8 @@ impl Emulator {
         self.next_frame
     }
 
-    /// The frame of an exposure around `vehicle`'s epoch. `repeat`: how many frames were made of
-    /// the same attitude message before; the same number gives the same noise.
+    /// The frame of an exposure around `vehicle`'s epoch. `repeat` is the number of earlier frames
+    /// of the same attitude message; the same number gives the same noise.
     ///
     /// Fails only where [`Emulator::scene`] does.
     pub fn expose(
@@ -186,7 +186,7 @@ impl Emulator {
         self.expose_before(&(), &self.camera(), vehicle, repeat)
     }
 
-    /// [`Emulator::shoot`] with other settings of the camera, observed by `witness`. Fails with
+    /// [`Emulator::expose`] with other settings of the camera and an `observer`. Fails with
     /// [`Unobservable::Abandoned`] once [`Emulator::abort`] is set.
     pub fn expose_before(
         &mut self,
@@ -200,7 +200,7 @@ impl Emulator {
         let made = render_pool::together(|| {
             span.in_scope(|| self.made(observer, camera, vehicle, repeat))
         });
-        // An abandoned frame has a number too: later numbers do not depend on how far it came.
+        // An abandoned frame has a number too: later numbers do not depend on its progress.
         if matches!(made, Ok(_) | Err(Unobservable::Abandoned)) {
             self.next_frame = self.next_frame.wrapping_add(1);
         }
@@ -229,8 +229,8 @@ impl Emulator {
         let (objects, mut text) = std::mem::take(&mut self.label);
         text.clear();
         text.reserve(LABEL);
-        // The label first, on all threads: a frame's header contains its length, so no packet
-        // leaves before. Then bands leave while others are rendered.
+        // The label first, on all threads: a frame's header contains its length, so no packet is
+        // sent before. Then bands are sent while others are rendered.
         let world = &self.world;
         let mut label = Label::new_in(objects, number, &scene, &plan, world, self.label_snr);
         label.overrun = self.overrun;
@@ -239,7 +239,7 @@ impl Emulator {
             drop(plan);
             return Err(scene.abandon());
         }
-        // Bounds in the label may form the images once more.
+        // Bounds in the label may form images again.
         if scene.view.limit.is_exceeded() {
             return Err(scene.view.too_much(self.limit_s(camera)?));
         }
@@ -269,10 +269,10 @@ impl Emulator {
         })
     }
 
-    /// Makes and discards frames, so that the first real one finds orbit tracks, memory and threads
-    /// ready. Each of the first few threads leads one frame with the others and one alone, because
-    /// later any thread may lead, with or without help. With the others first: the orbits are
-    /// prepared in the first.
+    /// Renders and discards frames, to prepare orbit tracks, memory and threads for the first real
+    /// frame. Each of the first few threads leads one frame with the others and one alone, because
+    /// later any thread may lead, with or without help. The first frame, which prepares the orbits,
+    /// uses all threads.
     pub fn warm_up(&mut self, vehicle: &VehicleState) {
         let (next_frame, ages) = (self.next_frame, self.ages);
         let leaders = 0..rayon::current_num_threads().min(LEADERS);
@@ -280,21 +280,21 @@ impl Emulator {
         for (repeat, (leader, alone)) in (0..).zip(leads) {
             // Not number 0, whose plan is logged.
             self.next_frame = next_frame.max(1);
-            let shot = render_pool::follows(leader, alone, || self.expose(vehicle, repeat));
-            if let Some(Ok(shot)) = shot {
-                self.take_back(shot);
+            let exposed = render_pool::run_on(leader, alone, || self.expose(vehicle, repeat));
+            if let Some(Ok(exposed)) = exposed {
+                self.take_back(exposed);
             }
         }
         (self.next_frame, self.ages) = (next_frame, ages);
         rayon::broadcast(|thread| (thread.index() < LEADERS).then(reserve));
     }
 
-    /// Reuses the memory of a shot for the next.
-    pub fn take_back(&mut self, shot: ExposedFrame) {
-        self.recycle(shot.frame);
+    /// Reuses the memory of an exposed frame for the next.
+    pub fn take_back(&mut self, exposed: ExposedFrame) {
+        self.recycle(exposed.frame);
         // A text that is still in use is not reused.
-        let text = Arc::into_inner(shot.json).unwrap_or_default();
-        let mut objects = shot.label.objects.sources;
+        let text = Arc::into_inner(exposed.json).unwrap_or_default();
+        let mut objects = exposed.label.objects.sources;
         objects.clear();
         self.label = (objects, text);
     }
@@ -304,12 +304,12 @@ impl Emulator {
         self.memory.recycle(frame);
     }
 
-    /// The ages of element sets, if most are of another time: reported once, checked again after
-    /// each day of the scene's time.
+    /// The ages of element sets, if most are old. Reported once; checked after each day of scene
+    /// time.
     fn old(&mut self, at: Epoch) -> Option<Ages> {
-        let (requested, told) = self.ages;
-        let is_near = |requested: Epoch| (requested - at).abs() < Unit::Day * 1;
-        if told || requested.is_some_and(is_near) {
+        let (checked, is_reported) = self.ages;
+        let is_near = |checked: Epoch| (checked - at).abs() < Unit::Day * 1;
+        if is_reported || checked.is_some_and(is_near) {
             return None;
         }
         let ages = Ages::of(self.world.population.objects(), at).filter(Ages::are_old);
@@ -320,7 +320,7 @@ impl Emulator {
     /// The scene of an exposure around `vehicle`'s epoch, with the effects that `choice` allows.
     ///
     /// Fails if [`build_view`] does, and if the work exceeds [`Emulator::work_limit_s`]. If area
-    /// light fills every pixel, a frame over the limit is made as if nothing moved.
+    /// light fills every pixel, a frame over the limit is rendered without motion.
     pub fn scene(
         &self,
         camera: &Arc<Camera>,
@@ -344,9 +344,9 @@ impl Emulator {
             view.limit = WorkLimit::new(limit_s, self.abort.clone());
             view.limit.spend(view.search_ns());
             let (simulated, estimated_ms) = simulated_at(&view, fidelity, choice);
-            let foreseen_s = estimated_ms * 1e-3 / SURELY;
+            let estimated_s = estimated_ms * 1e-3 / REFUSAL_FACTOR;
             let too_much = view.too_much(limit_s);
-            let is_exceeded = limit_s.is_some_and(|limit_s| foreseen_s > limit_s);
+            let is_exceeded = limit_s.is_some_and(|limit_s| estimated_s > limit_s);
             if !is_exceeded {
                 let scene = build_scene(view, simulated, fidelity);
                 if !scene.view.limit.is_exceeded() {
@@ -361,8 +361,8 @@ impl Emulator {
             if view.still_in_flood || view.limit.is_cancelled() {
                 return Err(too_much);
             }
-            // If light fills every pixel, motion does not show, except in the expected electrons of
-            // a frame without noise.
+            // If light fills every pixel, motion is visible only in the expected electrons of a
+            // frame without noise.
             view.limit = WorkLimit::new(limit_s, self.abort.clone());
             view.limit.spend(view.search_ns());
             if !choice.noise || !is_flooded(&view, &allowed(choice), fidelity) {
@@ -390,7 +390,7 @@ impl Emulator {
         })
     }
 
-    /// Limits of images: sources that are lost in read noise and quantisation, unless labels list
+    /// Limits of images: sources below read noise and quantisation have none, unless labels list
     /// them.
     fn faint(&self, camera: &Camera, choice: &Choice) -> Faint {
         let read_e = allowed(choice).only_with(EffectId::ReadNoise, camera.detector.read_noise_e);
@@ -433,9 +433,9 @@ mod tests {
     use crate::sky::population::{Looks, Population};
     use skyloop_base::load::Folder;
 
-    /// However many cameras there are, one catalogue is held and propagated.
+    /// All cameras share one population and one starlight.
     #[test]
-    fn cameras_beside_one_another_have_one_sky() {
+    fn cameras_of_one_vehicle_share_the_sky() {
         let camera = Camera::load("rigel-l", &Folder::current()).unwrap();
         let sky = Sky {
             selection: Selection::Bsc,
@@ -452,7 +452,7 @@ mod tests {
             population: Arc::new(Population::new(Vec::new(), Sphere::default(), Looks::new())),
             rejected_records: 0,
         });
-        let second = first.beside(&camera, 1);
+        let second = first.further_camera(&camera, 1);
         let [a, b] = [&first.world, &second.world];
         assert!(Arc::ptr_eq(&a.population, &b.population));
         assert!(Arc::ptr_eq(&a.starlight, &b.starlight));

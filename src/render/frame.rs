@@ -1,10 +1,10 @@
-//! The frame: digits, and on request the expected electrons behind them.
+//! The frame: pixel values, and on request their expected electrons.
 
 use skyloop_base::rng::NoiseKey;
 use skyloop_orbit::sgp4_batch::Level;
 use std::ops::Range;
 
-/// A frame as the camera gives it.
+/// A frame of the camera.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Frame {
     /// Columns.
@@ -13,23 +13,23 @@ pub struct Frame {
     pub height: usize,
     /// Digital numbers, row-major, row 0 first.
     pub dn: Vec<u16>,
-    /// Expected electrons before any noise, in the same order, where they were asked for.
+    /// Expected electrons without noise, in the same order, if requested.
     pub expected_e: Option<Vec<f32>>,
-    /// The charge that the converter read, e-, likewise.
+    /// The charge at the converter, e-, if requested.
     pub charge_e: Option<Vec<f32>>,
 }
 
-/// Memory that frames are made in, and the next of the same shape without asking for more.
+/// Reusable buffers: frames of equal shape need no new allocation.
 #[derive(Debug, Clone, Default)]
 pub struct Memory {
-    /// That of an earlier frame's digits.
+    /// Pixel values of an earlier frame.
     pub dn: Vec<u16>,
-    /// That of a charge that is needed all at once.
+    /// Charge of a whole frame, e-.
     pub electrons: Vec<f32>,
 }
 
 impl Memory {
-    /// Takes back what a frame was given that is not needed any more.
+    /// Takes back the buffers of a frame.
     pub fn recycle(&mut self, frame: Frame) {
         self.dn = frame.dn;
         if let Some(electrons) = frame.charge_e {
@@ -48,7 +48,7 @@ pub struct Tile<'a> {
     pub electrons: &'a mut [f32],
     /// Digital numbers, row-major.
     pub dn: &'a mut [u16],
-    /// What noise is keyed by.
+    /// The key of its noise.
     pub key: NoiseKey,
     /// The vector instructions that kernels use; none: pixel by pixel.
     pub level: Option<Level>,
@@ -61,7 +61,7 @@ impl Tile<'_> {
         first..first + self.dn.len() / self.width
     }
 
-    /// Its pixels in runs of at most `pixels`, one after the other.
+    /// Its pixels in consecutive runs of at most `pixels`.
     pub fn runs(&mut self, pixels: usize) -> impl Iterator<Item = Tile<'_>> {
         let (first, width, key, level) = (self.first, self.width, self.key, self.level);
         let electrons = self.electrons.chunks_mut(pixels);

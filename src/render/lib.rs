@@ -1,14 +1,14 @@
-//! The renderer: a vehicle state goes in, a labelled frame comes out. It knows no wire and opens no
-//! files but its own tables.
+//! The renderer: from a vehicle state to a labelled frame. No links, and no files but its own
+//! tables.
 //!
 //! ```text
 //! VehicleState -> View -> Scene -> Plan -> Frame + Label
 //! ```
 //!
-//! In reading order: [`attitude`] holds the conventions; [`camera`] is the instrument; [`sky`] is what
-//! is up there; [`scene`] is what one exposure sees of it; [`effect`], [`plan`] and [`render`] turn it
-//! into a [`frame`]; [`label`] says what is in it; [`engine`] drives them. [`kernels`] holds the loops
-//! that take the time.
+//! In reading order: [`attitude`] has the conventions, [`camera`] the instrument, [`sky`] the
+//! stars, bodies and objects, [`scene`] the images of one exposure. [`effect`], [`plan`] and
+//! [`render`] compute the [`frame`], [`label`] its description. [`engine`] runs all of them.
+//! [`kernels`] has the pixel loops.
 
 #![cfg_attr(not(test), warn(clippy::disallowed_methods))]
 

@@ -1,4 +1,4 @@
-//! The brightness of one object over time, as an observer in orbit sees it: no camera, no frame.
+//! The brightness of one object over time for an observer in orbit, without camera and frame.
 
 use crate::attitude::{Attitude, VehicleState};
 use crate::label::why_hidden;
@@ -17,32 +17,33 @@ use thiserror::Error;
 pub struct Point {
     /// Middle of the exposure.
     pub epoch: Epoch,
-    /// Magnitude by Eq. (9) in full sunlight, the mean over the exposure; infinite where nothing is reflected, or the object is the observer itself.
+    /// Mean magnitude over the exposure by Eq. (9), in full sunlight. Infinite without reflected
+    /// light, or if the object is the observer itself.
     pub mag: f64,
     /// Distance from the observer, m.
     pub range_m: f64,
     /// Angle Sun - object - observer, rad.
     pub phase: f64,
-    /// Part of the Sun's disc that lights it, 0..1.
+    /// Visible fraction of the Sun's disc at the object, 0..1.
     pub illumination: f64,
-    /// Why none of its light arrives.
+    /// Why no light arrives, if none does.
     pub hidden: Option<Hidden>,
 }
 
-/// Which instants.
+/// The instants of a light curve.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Span {
     /// The first.
     pub from: Epoch,
-    /// From one to the next, s.
+    /// Time step, s.
     pub step_s: f64,
-    /// How many.
+    /// Number of instants.
     pub points: u32,
-    /// Over how long a time around each the light is averaged, s.
+    /// Averaging time around each instant, s.
     pub exposure_s: f64,
 }
 
-/// Why there is no light curve.
+/// Reasons why there is no light curve.
 #[derive(Debug, Error)]
 pub enum NoLightCurve {
     /// Observer or object has no state.
@@ -56,22 +57,23 @@ pub enum NoLightCurve {
     BelowGround {
         /// The observer's label.
         observer: String,
-        /// When.
+        /// The instant.
         epoch: Epoch,
     },
-    /// Nothing can be seen from there, or then.
+    /// The state or the epoch is not observable.
     #[error(transparent)]
     Unobservable(#[from] Unobservable),
 }
 
 impl Point {
-    /// Magnitude of the light that arrives; none where none does. Objects have the Sun's colour: it is the same in any band.
+    /// Magnitude of the arriving light, if any. Objects have the Sun's colour: it is the same in
+    /// any band.
     pub fn band_mag(&self) -> Option<f64> {
         let seen = self.reason().is_empty() && self.illumination > 0.0;
         seen.then(|| self.mag - 2.5 * libm::log10(self.illumination))
     }
 
-    /// Why no light arrives, empty where some does.
+    /// Why no light arrives; empty if some does.
     pub fn reason(&self) -> &'static str {
         match self.hidden {
             _ if self.range_m < OWN_VEHICLE_M => "at the observer itself",
@@ -108,7 +110,7 @@ pub fn point(
     point_from(population, index, state, corrections, epoch, exposure_s)
 }
 
-/// [`point`] for an observer who is at `state` then.
+/// [`point`] for an observer at `state`.
 pub fn point_from(
     population: &Population,
     index: usize,
@@ -141,7 +143,8 @@ pub fn point_from(
     })
 }
 
-/// Why no light arrives from where the Earth stands before it, or so much of the Sun's disc lights it.
+/// Why no light arrives from an object that the Earth occults, or that sees this fraction of the
+/// Sun's disc.
 pub fn why_dark(occulted: bool, illumination: f64) -> Option<Hidden> {
     if occulted {
         Some(Hidden::ByEarth)

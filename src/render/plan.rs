@@ -12,23 +12,23 @@ pub struct Step<'s> {
     pub effect: &'static Effect,
     /// The decision.
     pub decision: Decision<'s>,
-    /// Error bound by its assessment; of an effect that shapes images, before they were formed.
-    requested: LazyBound<'s>,
+    /// Error bound by its assessment; for an effect that shapes images, before these were formed.
+    assessed: LazyBound<'s>,
     /// Change of the drawn electrons without it, e-.
     drawn_e: f64,
 }
 
-/// What a frame is rendered with.
+/// The effects of a frame, with their passes.
 pub struct Plan<'s> {
-    /// One step an effect, in the order of [`EFFECTS`].
+    /// One step for each effect, in the order of [`EFFECTS`].
     pub steps: Vec<Step<'s>>,
-    /// The pass for all area sources together, if all of them run.
+    /// The pass for the sum of all area sources, if all of them run.
     pub together: Pass<'s>,
     scene: &'s Scene,
 }
 
-/// The effects of this view's frame: those that shape images if they are needed, and all others
-/// unless they are switched off.
+/// The effects of this view's frame: those that shape images if needed, and all others unless
+/// switched off.
 pub fn simulated(view: &View, fidelity: &Fidelity, choice: &Choice) -> EffectSet {
     simulated_at(view, fidelity, choice).0
 }
@@ -40,7 +40,7 @@ pub fn allowed(choice: &Choice) -> EffectSet {
     allowed.fold(EffectSet::default(), |set, effect| set.with(effect.id))
 }
 
-/// [`simulated`], and the estimated time of those that shape images, ms on one core.
+/// [`simulated`], and the estimated time of the effects that shape images, ms on one core.
 pub fn simulated_at(view: &View, fidelity: &Fidelity, choice: &Choice) -> (EffectSet, f64) {
     let mut estimated_ms = 0.0;
     let mut simulated = EffectSet::default();
@@ -91,13 +91,11 @@ fn refusal(
     })
 }
 
-/// The error bound without `effect`, assessed as `asked`, now that the images are formed.
-fn changed(effect: &Effect, scene: &Scene, requested: ErrorBound) -> ErrorBound {
+/// The error bound without `effect`, from the formed images and its assessment.
+fn changed(effect: &Effect, scene: &Scene, assessed: ErrorBound) -> ErrorBound {
     match &effect.assess {
-        Assess::Images(_, change) if requested != ErrorBound::default() => {
-            change(scene, &requested)
-        }
-        _ => requested,
+        Assess::Images(_, change) if assessed != ErrorBound::default() => change(scene, &assessed),
+        _ => assessed,
     }
 }
 
@@ -109,12 +107,12 @@ impl<'s> Plan<'s> {
                 return Step {
                     effect,
                     decision: Decision::Off { why },
-                    requested: ErrorBound::default().into(),
+                    assessed: ErrorBound::default().into(),
                     drawn_e: 0.0,
                 };
             }
             let (assessment, pass) = match &effect.assess {
-                // Its plan is not used.
+                // The plan of a cancelled frame is not used.
                 _ if scene.is_cancelled() => {
                     (Assessment::none("the frame is cancelled"), Pass::idle())
                 }
@@ -139,7 +137,7 @@ impl<'s> Plan<'s> {
             Step {
                 effect,
                 decision,
-                requested: assessment.error,
+                assessed: assessment.error,
                 drawn_e: assessment.drawn_e,
             }
         };
@@ -154,20 +152,19 @@ impl<'s> Plan<'s> {
         }
     }
 
-    /// Error bound without the effect of a step; none if it is switched off, because its result is
-    /// not in the scene. Computed on demand: labels give it for skipped effects. For effects that
-    /// run it may take as long as forming the images, and no frame needs it.
+    /// Error bound without the effect of a step; none if it is switched off, because the scene
+    /// lacks its result. Computed on demand: labels need it for skipped effects only. For an effect
+    /// that runs it may take as long as forming the images.
     pub fn error(&self, step: &Step<'_>) -> Option<ErrorBound> {
         let is_off = matches!(step.decision, Decision::Off { .. });
-        (!is_off).then(|| changed(step.effect, self.scene, *step.requested))
+        (!is_off).then(|| changed(step.effect, self.scene, *step.assessed))
     }
 
-    /// The drawn electrons that need an effect which no pixel's expectation needs, e-; none
-    /// otherwise.
+    /// Change of drawn electrons (e-), if it is the only reason why the effect runs.
     pub fn needed_for_e(&self, step: &Step<'_>) -> Option<f64> {
         let fidelity = self.scene.fidelity();
         let runs = matches!(step.decision, Decision::Run { .. });
-        (runs && step.drawn_e > fidelity.skip_e && step.requested.is_within(fidelity))
+        (runs && step.drawn_e > fidelity.skip_e && step.assessed.is_within(fidelity))
             .then_some(step.drawn_e)
     }
 

@@ -1,10 +1,10 @@
-//! Rendering: the plan's passes, over bands of rows in parallel or over the whole frame. It cannot
-//! fail.
+//! Rendering: applies the plan's passes to bands of rows in parallel, or to the whole frame. It
+//! cannot fail.
 //!
 //! A band's charge stays in a core's second-level cache from the first light to the pixel values.
-//! Passes on single pixels work on it together, run by run, in the first-level cache. It is written
-//! out only for a pass on the whole frame, or if the caller keeps the charge. A frame reuses the
-//! memory of one of its shape.
+//! Consecutive passes on single pixels process it run by run in the first-level cache. A charge
+//! image exists only for a pass on the whole frame, or on request. Frames of equal shape reuse
+//! memory.
 
 use crate::effect::{Decision, EFFECTS, Pass, Stage};
 use crate::frame::{Charge, Frame, Memory, Tile};
@@ -26,10 +26,10 @@ thread_local! {
     static CHARGE: Cell<Vec<f32>> = const { Cell::new(Vec::new()) };
 }
 
-/// Renders `scene` with the vector instructions of `level`; with none pixel by pixel, pass by pass
-/// over the whole frame, on one thread. Pixels depend neither on that nor on bands, runs and
-/// threads. `keep` also keeps the expected electrons and the charge. The frame is made in `memory`.
-/// `done` gets the first pixel and the values of each band, on the thread that made it, roughly
+/// Renders `scene` with the vector instructions of `level`; without a level pixel by pixel, pass by
+/// pass over the whole frame, on one thread. Pixels do not depend on level, bands, runs or threads.
+/// With `keep` the frame has the expected electrons and the charge too. It takes its buffers from
+/// `memory`. `done` gets the first pixel and the values of each band, on the band's thread, roughly
 /// from the top row on; it is not called if all bands complete together.
 pub fn render(
     plan: &Plan<'_>,
@@ -43,8 +43,8 @@ pub fn render(
     let (width, height) = (detector.width, detector.height);
     let mut dn = mem::take(&mut memory.dn);
     let together = &plan.together;
-    let mut room = [together; EFFECTS.len()];
-    let passes = running(&plan.steps, scene, together, &mut room);
+    let mut slots = [together; EFFECTS.len()];
+    let passes = running(&plan.steps, scene, together, &mut slots);
     let mut frame = Frame {
         width,
         height,
@@ -67,10 +67,10 @@ pub fn render(
             .steps
             .partition_point(|step| step.effect.stage <= Stage::Light);
         let (light, later) = plan.steps.split_at(light);
-        let light = running(light, scene, together, &mut room);
+        let light = running(light, scene, together, &mut slots);
         run(light, scene, level, &mut electrons, &mut dn);
         frame.expected_e = keep.then(|| electrons.clone());
-        let later = running(later, scene, together, &mut room);
+        let later = running(later, scene, together, &mut slots);
         run(later, scene, level, &mut electrons, &mut dn);
         if keep {
             frame.charge_e = Some(electrons);
@@ -82,8 +82,8 @@ pub fn render(
     frame
 }
 
-/// Resizes it to the frame's pixels; a cancelled frame's stays shorter. A page of new memory takes
-/// 1 us, those of a large frame 100 ms.
+/// Resizes a buffer to the frame's pixels; it stays shorter once the frame is cancelled. A page of
+/// new memory takes 1 us, a large frame 100 ms.
 fn grow<T: Copy + Default>(memory: &mut Vec<T>, scene: &Scene) {
     const PIECE: usize = 1 << 20;
     let pixels = scene.view.camera.detector.pixels();
@@ -94,13 +94,13 @@ fn grow<T: Copy + Default>(memory: &mut Vec<T>, scene: &Scene) {
     }
 }
 
-/// The passes of `steps` that run, in `room`; `together` in place of those of area sources, if all
-/// of them run.
+/// The passes of `steps` that run, in `slots`. If all area sources run, `together` replaces their
+/// passes.
 fn running<'r, 'a, 's>(
     steps: &'a [Step<'s>],
     scene: &Scene,
     together: &'a Pass<'s>,
-    room: &'r mut [&'a Pass<'s>],
+    slots: &'r mut [&'a Pass<'s>],
 ) -> &'r [&'a Pass<'s>] {
     let lit = || scene.areas.iter().filter(|area| area.electrons > 0.0);
     let is_area = |step: &Step<'_>| lit().any(|area| area.effect == step.effect.id);
@@ -109,23 +109,23 @@ fn running<'r, 'a, 's>(
         Decision::Off { .. } | Decision::Skip { .. } => None,
     });
     let areas = running.clone().filter(|(_, is_area)| *is_area).count();
-    let is_one = areas >= 2 && areas >= lit().count();
+    let is_sum = areas >= 2 && areas >= lit().count();
     let mut first = Some(together);
     let passes = running.filter_map(|(pass, is_area)| {
-        if is_one && is_area {
+        if is_sum && is_area {
             first.take()
         } else {
             Some(pass)
         }
     });
-    let count = room.iter_mut().zip(passes).fold(0, |count, (place, pass)| {
-        *place = pass;
+    let count = slots.iter_mut().zip(passes).fold(0, |count, (slot, pass)| {
+        *slot = pass;
         count + 1
     });
-    &room[..count]
+    &slots[..count]
 }
 
-/// All passes, band by band, each band with a buffer of its own.
+/// All passes, band by band, each band in its own buffer.
 fn bands(
     scene: &Scene,
     dn: &mut [u16],
@@ -135,8 +135,8 @@ fn bands(
 ) {
     let (width, key) = (scene.view.camera.detector.width, scene.view.key);
     let band = width * BAND_ROWS;
-    // Each thread takes the next band from the top, so that the upper part of the frame completes
-    // first and can leave.
+    // Each thread takes the next band from the top: the upper part of the frame completes first and
+    // can be sent.
     let left = Mutex::new(dn.chunks_mut(band).enumerate());
     let next = || {
         let mut left = left.lock().unwrap_or_else(PoisonError::into_inner);
@@ -158,14 +158,14 @@ fn bands(
                     key,
                     level,
                 };
-                go_over(&mut tile, passes);
+                apply(&mut tile, passes);
                 CHARGE.set(electrons);
                 done(index * band, dn);
             }
         });
 }
 
-/// Passes over bands run together, band by band, up to a pass on the whole frame.
+/// Consecutive passes over bands run band by band, up to a pass on the whole frame.
 fn run(
     passes: &[&Pass<'_>],
     scene: &Scene,
@@ -185,7 +185,7 @@ fn run(
         if level.is_some() {
             let tiles = tiles(scene, level, electrons, dn);
             let tiles = tiles.filter(|_| !scene.is_cancelled());
-            tiles.for_each(|mut tile| go_over(&mut tile, group));
+            tiles.for_each(|mut tile| apply(&mut tile, group));
             continue;
         }
         let mut whole = Tile {
@@ -205,7 +205,7 @@ fn run(
 }
 
 /// Applies `passes` to a band.
-fn go_over(band: &mut Tile<'_>, passes: &[&Pass<'_>]) {
+fn apply(band: &mut Tile<'_>, passes: &[&Pass<'_>]) {
     for group in passes.chunk_by(|a, b| is_of_pixels(a) && is_of_pixels(b)) {
         match group {
             [Pass::Tile(pass)] => pass(band),

@@ -1,4 +1,4 @@
-//! The threads that share the work on a frame.
+//! The thread pool that renders a frame.
 
 use rayon::Yield;
 use std::hint;
@@ -6,17 +6,16 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Barrier, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-/// Does `work` on a thread of the pool, while some others stay awake to share it; when it is done
-/// they have finished what they began.
-/// A frame has a dozen parallel parts with serial ones between them. A thread that sleeps in
-/// between takes up to a millisecond to wake: in a frame of 200,000 objects every 0.1 s all threads
-/// but one would sleep through most.
+/// Runs `work` on a thread of the pool while the others stay awake to share it.
+///
+/// A frame has a dozen parallel parts with serial parts between them. A thread that sleeps in
+/// between takes up to a millisecond to wake up: in a frame of 200,000 objects every 0.1 s, all
+/// threads but one would miss most parts.
 pub fn together<R: Send>(work: impl FnOnce() -> R + Send) -> R {
     let done = AtomicBool::new(false);
     rayon::scope(|scope| {
-        // These tasks are queued before any of the work's own, and other threads take the first
-        // ones first. So a thread that waits for a part of the work does not pick one of these up,
-        // which would wait for itself.
+        // These tasks are queued first, and other threads steal the oldest first. So a thread that
+        // waits for a part of the work does not pick up one of these, which would be a deadlock.
         for _ in 1..rayon::current_num_threads() {
             scope.spawn(|_| stay(&done));
         }
@@ -26,20 +25,20 @@ pub fn together<R: Send>(work: impl FnOnce() -> R + Send) -> R {
     })
 }
 
-/// Does `work` on the pool's thread of that number, from 0, while others share it or, if `alone`,
-/// do nothing. None if there is no such thread. One call at a time: alone it waits for all threads.
-pub fn follows<R: Send>(leader: usize, alone: bool, work: impl FnOnce() -> R + Send) -> Option<R> {
+/// Runs `work` on the pool's thread number `leader`, from 0. The other threads share it or, if
+/// `alone`, stay idle. None if there is no such thread. One call at a time: with `alone` it waits
+/// for all threads.
+pub fn run_on<R: Send>(leader: usize, alone: bool, work: impl FnOnce() -> R + Send) -> Option<R> {
     let threads = rayon::current_num_threads();
     if leader >= threads {
         return None;
     }
     let (work, done) = (Mutex::new(Some(work)), AtomicBool::new(false));
-    // A thread that came later could take up a part of the work, and then wait within it for its
-    // end.
-    let all_here = Barrier::new(threads);
-    let follower = rayon::broadcast(|thread| {
+    // A late thread could steal a part of the work and then wait for its end within it.
+    let all_ready = Barrier::new(threads);
+    let results = rayon::broadcast(|thread| {
         if alone {
-            all_here.wait();
+            all_ready.wait();
         }
         if thread.index() == leader {
             let _done = WhenDropped(&done);
@@ -51,14 +50,13 @@ pub fn follows<R: Send>(leader: usize, alone: bool, work: impl FnOnce() -> R + S
         }
         None
     });
-    follower.into_iter().flatten().next()
+    results.into_iter().flatten().next()
 }
 
-/// A thread without work for this long sleeps after all: longer than between two parts of most
-/// frames.
+/// An idle thread sleeps after this time: longer than the serial parts of most frames.
 const TIMEOUT: Duration = Duration::from_micros(500);
 
-/// Takes its share until it is done.
+/// Executes tasks of the pool until `done`.
 fn stay(done: &AtomicBool) {
     let mut idle_since = Instant::now();
     while !done.load(Ordering::Acquire) {
@@ -67,7 +65,7 @@ fn stay(done: &AtomicBool) {
         } else if idle_since.elapsed() > TIMEOUT {
             return;
         } else {
-            // Not `yield_now`: it would lend the processor to another program for milliseconds.
+            // Not `yield_now`: another program could occupy the processor for milliseconds.
             (0..20).for_each(|_| hint::spin_loop());
         }
     }
@@ -86,10 +84,9 @@ mod tests {
     use super::*;
     use rayon::prelude::*;
 
-    /// Parts within parts, in pools of several sizes, side by side with other work in the same
-    /// pool.
+    /// Nested parts, in pools of several sizes, in parallel with other work in the same pool.
     #[test]
-    fn the_work_is_done_however_many_share_it() {
+    fn nested_work_completes_in_pools_of_any_size() {
         let sum = || -> u64 {
             let row = |i: u64| (0..50u64).into_par_iter().map(|k| i * k).sum::<u64>();
             (0..100u64).into_par_iter().map(row).sum()
@@ -109,29 +106,29 @@ mod tests {
     }
 
     #[test]
-    fn each_thread_can_take_the_lead() {
+    fn each_thread_can_lead() {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(3);
         let pool = pool.build().unwrap();
-        // Numbers with the thread that saw each.
-        let follower = |leader, alone| {
-            follows(leader, alone, || {
+        // Numbers, with the thread of each.
+        let led_by = |leader, alone| {
+            run_on(leader, alone, || {
                 let seen = |i: u64| (i, rayon::current_thread_index());
                 together(|| (0..100).into_par_iter().map(seen).collect::<Vec<_>>())
             })
         };
         pool.install(|| {
             for leader in [0, 1, 2].repeat(50) {
-                let seen = follower(leader, true).unwrap();
+                let seen = led_by(leader, true).unwrap();
                 assert!(seen.into_iter().eq((0..100).map(|i| (i, Some(leader)))));
-                let seen = follower(leader, false).unwrap();
+                let seen = led_by(leader, false).unwrap();
                 assert!(seen.into_iter().map(|(i, _)| i).eq(0..100));
             }
-            assert_eq!(follower(3, true), None);
+            assert_eq!(led_by(3, true), None);
         });
     }
 
     #[test]
-    fn work_that_panics_lets_the_others_go() {
+    fn a_panic_releases_the_other_threads() {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(3);
         let pool = pool.build().unwrap();
         let panics = || pool.install(|| together(|| panic!("as it should")));

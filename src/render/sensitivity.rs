@@ -1,14 +1,17 @@
-//! What a camera can see, from its figures alone: field of view, scale, the faintest star and the brightest.
+//! Sensitivity of a camera from its data sheet: field of view, scale, limiting and saturation
+//! magnitude.
 //!
-//! A star of magnitude m in the camera's band, at rest on the boresight and in the middle of a pixel, has in an exposure t the electrons
+//! The electrons of a star of magnitude m in the camera's band, at rest on the boresight and in the
+//! middle of a pixel, in an exposure t:
 //!
 //! ```text
-//! S = E_zero QE tau A t T(0) 10^(-0.4 m)            Clark et al. 2021, Eq. (2); T(0) the vignetting on the boresight
+//! S = E_zero QE tau A t T(0) 10^(-0.4 m)            Clark et al. 2021, Eq. (2)
 //! snr^2 = sum S_i^2 / (S_i + b + read^2 + gain^2 / 12),   S_i = S p_i
 //! ```
 //!
-//! with the share p_i of the point spread function and the background b of dark charge and sky: the signal-to-noise ratio of labels. Curves
-//! of the amplifier, defects and motion are left out. For a star of the Sun's colour m is its V magnitude.
+//! with the vignetting T(0) on the boresight, the share p_i of the point spread function and the
+//! background b of dark charge and sky. It is the signal-to-noise ratio of labels without
+//! non-linearity, defects and motion. For a star of the Sun's colour m is its V magnitude.
 
 use crate::attitude::angle_between;
 use crate::camera::{Camera, Stamp};
@@ -17,34 +20,37 @@ use crate::sky::star_field::StarField;
 use nalgebra::Vector3;
 use serde::Serialize;
 
-/// A typical dark sky in orbit, zodiacal light and starlight together, mag/arcsec^2 (Leinert et al. 1998, A&AS 127, 1: 21.5 near the
-/// ecliptic to 23 at its poles).
+/// A typical dark sky in orbit, zodiacal light plus starlight, mag/arcsec^2 (Leinert et al. 1998,
+/// A&AS 127, 1: 21.5 near the ecliptic to 23 at its poles).
 pub const SKY_MAG_ARCSEC2: f64 = 22.0;
 /// The signal-to-noise ratio of the faintest star.
 pub const LIMIT_SNR: f64 = 5.0;
-/// To here (V) the embedded catalogue is nearly complete; stars that are fainter are missing in its counts.
+/// Limit (V) to which the embedded catalogue is nearly complete; most fainter stars are missing.
 pub const CATALOGUE_MAG: f64 = 8.5;
 
-/// What a camera can see.
+/// The sensitivity of a camera.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Sensitivity {
-    /// Field of view along the rows, along the columns and along the diagonal, through the middle of the detector, deg.
+    /// Field of view along rows, columns and diagonal through the middle of the detector, deg.
     pub field_deg: [f64; 3],
     /// Solid angle of the field, deg^2.
     pub field_deg2: f64,
     /// A pixel in the middle of the detector, arcsec.
     pub arcsec_per_px: f64,
-    /// Exposure time that the rest is for, s.
+    /// Exposure time of the following values, s.
     pub exposure_s: f64,
     /// Charge of a dark sky of [`SKY_MAG_ARCSEC2`] in a pixel, e-.
     pub sky_e_px: f64,
     /// Dark charge in a pixel, e-.
     pub dark_e_px: f64,
-    /// Magnitude in the band at a signal-to-noise ratio of [`LIMIT_SNR`]; none where the background fills every pixel, or such a star saturates.
+    /// Magnitude in the band at a signal-to-noise ratio of [`LIMIT_SNR`]; none if the background
+    /// fills every pixel, or such a star saturates.
     pub limiting_mag: Option<f64>,
-    /// Stars to that magnitude in a field of this size, averaged over the sky; of stars fainter than [`CATALOGUE_MAG`] most are missing.
+    /// Stars to that magnitude in a field of this size, averaged over the sky; most stars fainter
+    /// than [`CATALOGUE_MAG`] are missing.
     pub stars_per_frame: Option<f64>,
-    /// Magnitude in the band from which the brightest pixel of a star is full, or at the converter's end.
+    /// Magnitude in the band at which the brightest pixel of a star reaches its full well or the
+    /// converter's range.
     pub saturation_mag: Option<f64>,
 }
 
@@ -62,9 +68,9 @@ pub struct StillStar {
 impl StillStar {
     /// On the boresight of a camera, exposed for its own time.
     pub fn of(camera: &Camera) -> StillStar {
-        /// Light that is lost outside of the square.
+        /// Light lost outside the square.
         const LOSS: f64 = 1e-4;
-        /// Half the square's side at most, px.
+        /// Greatest half side of the square, px.
         const MAX_PX: f64 = 40.0;
         let psf = camera.optics.psf.at([0.0; 2], 1.0);
         let reach = psf.reach_px(LOSS).min(MAX_PX).ceil() as i32;
@@ -184,7 +190,7 @@ fn field_deg(camera: &Camera) -> [f64; 3] {
         [[left, top], [right, bottom]],
     ];
     let direction = |at| camera.optics.direction(at);
-    // Halving finds where the vignetting lets nothing through any more: a fisheye's image may end before the detector does.
+    // Bisection for the end of the vignetting: a fisheye's image may end inside the detector.
     let last = |end: [f64; 2]| {
         let at = |part: f64| [0, 1].map(|axis| middle[axis] + part * (end[axis] - middle[axis]));
         let (mut seen, mut dark) = (0.0, 1.0);
@@ -202,15 +208,15 @@ fn field_deg(camera: &Camera) -> [f64; 3] {
         direction(at(seen))
     };
     ends.map(|[from, to]| {
-        // By way of the middle: a fisheye sees more than half a turn.
+        // Through the middle: the field of a fisheye may exceed 180 deg.
         let middle = direction(middle);
         let parts = [from, to].map(|end| angle_between(&last(end), &middle));
         (parts[0] + parts[1]).to_degrees()
     })
 }
 
-/// The solid angle that the detector gets light from, sr: triangles between directions of a grid. Where a projection ends before the detector
-/// does, the directions beyond are those of its end, and enclose nothing.
+/// The solid angle of the detector's field, sr: triangles between directions of a grid. Beyond the
+/// end of a projection the directions are those of its end, and triangles are empty.
 fn solid_angle_sr(camera: &Camera) -> f64 {
     const CELLS: usize = 128;
     let [width, height] = camera.detector.sides();
@@ -240,7 +246,8 @@ fn solid_angle_sr(camera: &Camera) -> f64 {
     sum
 }
 
-/// Van Oosterom and Strackee 1983 (IEEE Trans. Biomed. Eng. 30, 125): `tan(w/2) = |a . b x c| / (1 + a.b + b.c + c.a)`.
+/// Van Oosterom and Strackee 1983 (IEEE Trans. Biomed. Eng. 30, 125): `tan(w/2) = |a . b x c| / (1
+/// + a.b + b.c + c.a)`.
 fn triangle_sr(a: &Vector3<f64>, b: &Vector3<f64>, c: &Vector3<f64>) -> f64 {
     let volume = a.dot(&b.cross(c)).abs();
     2.0 * libm::atan2(volume, 1.0 + a.dot(b) + b.dot(c) + c.dot(a))
@@ -252,7 +259,7 @@ mod tests {
     use skyloop_base::load::Folder;
 
     #[test]
-    fn figures_are_those_of_hand_formulas() {
+    fn sensitivity_agrees_with_hand_formulas() {
         for name in skyloop_base::load::CAMERAS {
             let camera = Camera::load(name, &Folder::current()).unwrap();
             let found = Sensitivity::of(&camera);
@@ -300,13 +307,14 @@ mod tests {
         }
         let mut camera = Camera::load("rigel-l", &Folder::current()).unwrap();
         let found = Sensitivity::of(&camera);
-        // No pixel reaches 90 e- rms * 5 before a well of 100 e- is full, nor do a few together.
+        // A full well of 100 e- is far below five times a read noise of 90 e-.
         let detector = &mut camera.detector;
         (detector.full_well_e, detector.read_noise_e) = (100.0, 90.0);
         let noisy = Sensitivity::of(&camera);
         assert!(noisy.saturation_mag.is_some(), "{noisy:?}");
         assert_eq!((noisy.limiting_mag, noisy.stars_per_frame), (None, None));
-        // X-Val: 2 atan(1024 * 0.018 mm / 2 / 47.7 mm) = 21.8705 deg; the diagonal by sqrt(2) 9.216: 30.5646 deg.
+        // X-Val: 2 atan(1024 * 0.018 mm / 2 / 47.7 mm) = 21.8705 deg; diagonal, with sqrt(2):
+        // 30.5646 deg.
         for (value, by_hand) in found.field_deg.into_iter().zip([21.8705, 21.8705, 30.5646]) {
             assert!((value - by_hand).abs() < 2e-3, "{value} {by_hand}");
         }

@@ -33,7 +33,7 @@ fn run_two(
     let (wire, port) = link::loopback("memory", &options(60.0)).unwrap();
     let (own, second_port) = link::loopback("memory", &options(60.0)).unwrap();
     let emulator = Emulator::new(&mut config);
-    let further = emulator.beside(&camera, 1);
+    let further = emulator.further_camera(&camera, 1);
     let links = [(wire, Roles::ALL)];
     let mut server = Server::new(emulator, links, config.run.output, clock, &NATIVE);
     let mut head = server.head(further, [(own, OUTPUT_ROLES)], &config.run);

@@ -1,4 +1,4 @@
-//! A rendered exposure, and what is known of it before its pixels are.
+//! A rendered exposure, and its data before the pixels exist.
 
 use crate::camera::Camera;
 use crate::frame::Frame;
@@ -16,43 +16,43 @@ pub struct ExposedFrame {
     pub number: u32,
     /// The pixels.
     pub frame: Frame,
-    /// What is in them.
+    /// The label.
     pub label: Label,
     /// The label as one line of JSON.
     pub json: Arc<String>,
-    /// When it was exposed.
+    /// The instants of the exposure.
     pub exposure: Exposure,
     /// The camera, as it was set.
     pub camera: Arc<Camera>,
-    /// What its noise is keyed by.
+    /// The key of its noise.
     pub key: NoiseKey,
     /// Objects without an image because their orbit has no position at this time.
     pub unknown: Unknown,
-    /// Objects of the population, wherever they are.
+    /// Number of objects in the population.
     pub population: usize,
-    /// The ages of element sets, if most are of another time and that has not been reported before.
+    /// The ages of element sets, if most are old and this was not reported before.
     pub old: Option<Ages>,
-    /// From the vehicle's state to pixels and label.
+    /// Time from the vehicle's state to pixels and label.
     pub render_time: Duration,
 }
 
-/// What is known of a frame before its pixels.
+/// The data of a frame before its pixels exist.
 #[derive(Debug, Clone)]
 pub struct Opening {
     /// Number of the frame in the run, from 0.
     pub number: u32,
     /// The label as one line of JSON.
     pub json: Arc<String>,
-    /// When it is exposed.
+    /// The instants of the exposure.
     pub exposure: Exposure,
     /// The camera, as it is set.
     pub camera: Arc<Camera>,
-    /// What its noise is keyed by.
+    /// The key of its noise.
     pub key: NoiseKey,
 }
 
 impl ExposedFrame {
-    /// What was known of it before its pixels.
+    /// Its data without pixels.
     pub fn opening(&self) -> Opening {
         Opening {
             number: self.number,
@@ -64,15 +64,14 @@ impl ExposedFrame {
     }
 }
 
-/// Observes a frame while it is made, on the thread that makes it.
+/// Observes the rendering of a frame, on the rendering thread.
 pub trait FrameObserver: Sync {
     /// The label is complete.
     fn labelled(&self, _: Opening) {}
 
     /// Rows are complete: the first pixel (row-major), and the pixel values from there on. Not
     /// called if all rows complete together.
-    fn rows_done(&self, _first: usize, _digits: &[u16]) {}
+    fn rows_done(&self, _first: usize, _dn: &[u16]) {}
 }
 
-/// Observes nothing.
 impl FrameObserver for () {}

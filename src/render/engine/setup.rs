@@ -1,4 +1,4 @@
-//! What an emulator is made of.
+//! Inputs of an emulator.
 
 use crate::camera::Camera;
 use crate::fidelity::{Choice, Fidelity};
@@ -10,15 +10,15 @@ use std::sync::Arc;
 /// The stars and the corrections of their directions.
 #[derive(Debug, Clone, Copy)]
 pub struct Sky {
-    /// Which part of the catalogue.
+    /// The selected part of the catalogue.
     pub selection: Selection,
     /// Corrections from catalogue to apparent place.
     pub corrections: Corrections,
-    /// Whether stars carry their colour into the band (else the band magnitude is V).
+    /// Whether the band magnitude of stars includes their colour (else it is V).
     pub colour: bool,
 }
 
-/// What an emulator is made of.
+/// The inputs of an emulator.
 #[derive(Debug, Clone)]
 pub struct Setup {
     /// The camera.
