@@ -92,7 +92,7 @@ kernel! {
 
 kernel! {
     /// Converts pixels' electrons to digital numbers.
-    digitise = convert_body, convert_twin (converter: &Converter, electrons: &[f32], dn: &mut [u16])
+    digitise = convert_body, convert_body (converter: &Converter, electrons: &[f32], dn: &mut [u16])
 }
 
 kernel! {
@@ -109,7 +109,7 @@ kernel! {
 
 kernel! {
     /// Adds light pixel by pixel.
-    add = add_body, add_twin (light: &[f32], electrons: &mut [f32])
+    add = add_body, add_body (light: &[f32], electrons: &mut [f32])
 }
 
 kernel! {
@@ -156,26 +156,26 @@ fn shot_body(key: NoiseKey, effect: u8, first: usize, switch: Switch, electrons:
         let pixels = &mut electrons[done..done + count];
         means[skip..skip + count].copy_from_slice(pixels);
         // The order of non-negative numbers is that of their bits.
-        let (mut least, mut most) = (u32::MAX, 0);
+        let (mut min_mean, mut max_mean) = (u32::MAX, 0);
         for mean in &mut means {
             *mean = poisson::mean_of(*mean);
-            least = least.min(mean.to_bits());
-            most = most.max(mean.to_bits());
+            min_mean = min_mean.min(mean.to_bits());
+            max_mean = max_mean.max(mean.to_bits());
         }
-        if most == 0 {
+        if max_mean == 0 {
             pixels.fill(0.0);
             done += count;
             continue;
         }
         fill(key, effect, first + done - skip, &mut words);
-        let (least, most) = (f32::from_bits(least), f32::from_bits(most));
-        if most >= switch.0 {
+        let (min_mean, max_mean) = (f32::from_bits(min_mean), f32::from_bits(max_mean));
+        if max_mean >= switch.0 {
             normals_of(&words, &mut normals);
         }
-        if least < switch.0 {
+        if min_mean < switch.0 {
             search(&means, &words, &mut searched);
         }
-        if most < SEARCHED && most < switch.0 {
+        if max_mean < SEARCHED && max_mean < switch.0 {
             pixels.copy_from_slice(&searched[skip..skip + count]);
         } else {
             let mut inverse = means;
@@ -295,13 +295,6 @@ fn add_body(light: &[f32], electrons: &mut [f32]) {
 }
 
 #[inline(always)]
-fn add_twin(light: &[f32], electrons: &mut [f32]) {
-    for (e, light) in electrons.iter_mut().zip(light) {
-        *e += light;
-    }
-}
-
-#[inline(always)]
 fn shot_twin(key: NoiseKey, effect: u8, first: usize, switch: Switch, electrons: &mut [f32]) {
     for (pixel, e) in (first..).zip(electrons) {
         *e = poisson::poisson(*e, rng::word(key, effect, pixel), switch);
@@ -312,13 +305,6 @@ fn shot_twin(key: NoiseKey, effect: u8, first: usize, switch: Switch, electrons:
 fn read_twin(key: NoiseKey, effect: u8, first: usize, sigma: f32, electrons: &mut [f32]) {
     for (pixel, e) in (first..).zip(electrons) {
         *e += sigma * normal::normal(rng::word(key, effect, pixel));
-    }
-}
-
-#[inline(always)]
-fn convert_twin(converter: &Converter, electrons: &[f32], dn: &mut [u16]) {
-    for (dn, e) in dn.iter_mut().zip(electrons) {
-        *dn = converter.dn(*e);
     }
 }
 

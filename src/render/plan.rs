@@ -143,8 +143,9 @@ impl<'s> Plan<'s> {
         };
         Plan {
             together: Pass::Tile(Box::new(|tile| {
-                let areas = scene.areas_together();
-                areas.add_to(tile.level, tile.first, tile.electrons);
+                scene
+                    .areas_light
+                    .add_to(tile.level, tile.first, tile.electrons);
             })),
             // One by one: their times differ.
             steps: EFFECTS.par_iter().with_max_len(1).map(step).collect(),
@@ -162,7 +163,7 @@ impl<'s> Plan<'s> {
 
     /// Change of drawn electrons (e-), if it is the only reason why the effect runs.
     pub fn needed_for_e(&self, step: &Step<'_>) -> Option<f64> {
-        let fidelity = self.scene.fidelity();
+        let fidelity = &self.scene.fidelity;
         let runs = matches!(step.decision, Decision::Run { .. });
         (runs && step.drawn_e > fidelity.skip_e && step.assessed.is_within(fidelity))
             .then_some(step.drawn_e)

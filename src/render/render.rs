@@ -133,8 +133,7 @@ fn bands(
     passes: &[&Pass<'_>],
     done: &(dyn Fn(usize, &[u16]) + Sync),
 ) {
-    let (width, key) = (scene.view.camera.detector.width, scene.view.key);
-    let band = width * BAND_ROWS;
+    let band = scene.view.camera.detector.width * BAND_ROWS;
     // Each thread takes the next band from the top: the upper part of the frame completes first and
     // can be sent.
     let left = Mutex::new(dn.chunks_mut(band).enumerate());
@@ -150,14 +149,7 @@ fn bands(
                 electrons.clear();
                 electrons.resize(dn.len(), 0.0);
                 dn.fill(0);
-                let mut tile = Tile {
-                    first: index * band,
-                    width,
-                    electrons: &mut electrons,
-                    dn,
-                    key,
-                    level,
-                };
+                let mut tile = tile_of(scene, level, index * band, &mut electrons, dn);
                 apply(&mut tile, passes);
                 CHARGE.set(electrons);
                 done(index * band, dn);
@@ -173,7 +165,7 @@ fn run(
     electrons: &mut [f32],
     dn: &mut [u16],
 ) {
-    let (width, key) = (scene.view.camera.detector.width, scene.view.key);
+    let width = scene.view.camera.detector.width;
     for group in passes.chunk_by(|a, b| !is_whole(a) && !is_whole(b)) {
         if scene.is_cancelled() {
             return;
@@ -188,14 +180,7 @@ fn run(
             tiles.for_each(|mut tile| apply(&mut tile, group));
             continue;
         }
-        let mut whole = Tile {
-            first: 0,
-            width,
-            electrons,
-            dn,
-            key,
-            level,
-        };
+        let mut whole = tile_of(scene, level, 0, electrons, dn);
         for pass in group {
             if let Pass::Tile(pass) | Pass::Pixels(pass) = pass {
                 pass(&mut whole);
@@ -229,17 +214,29 @@ pub fn tiles<'a>(
     electrons: &'a mut [f32],
     dn: &'a mut [u16],
 ) -> impl ParallelIterator<Item = Tile<'a>> {
-    let (width, key) = (scene.view.camera.detector.width, scene.view.key);
-    let band = width * BAND_ROWS;
+    let band = scene.view.camera.detector.width * BAND_ROWS;
     let bands = electrons.par_chunks_mut(band).zip(dn.par_chunks_mut(band));
-    bands.enumerate().map(move |(index, (electrons, dn))| Tile {
-        first: index * band,
-        width,
+    bands
+        .enumerate()
+        .map(move |(index, (electrons, dn))| tile_of(scene, level, index * band, electrons, dn))
+}
+
+/// The part of a frame from pixel `first` on.
+fn tile_of<'a>(
+    scene: &Scene,
+    level: Option<Level>,
+    first: usize,
+    electrons: &'a mut [f32],
+    dn: &'a mut [u16],
+) -> Tile<'a> {
+    Tile {
+        first,
+        width: scene.view.camera.detector.width,
         electrons,
         dn,
-        key,
+        key: scene.view.key,
         level,
-    })
+    }
 }
 
 fn is_whole(pass: &Pass<'_>) -> bool {

@@ -66,7 +66,7 @@ pub struct StillStar {
 }
 
 impl StillStar {
-    /// On the boresight of a camera, exposed for its own time.
+    /// The star on the boresight of a camera, at its exposure time.
     pub fn of(camera: &Camera) -> StillStar {
         /// Light lost outside the square.
         const LOSS: f64 = 1e-4;
@@ -130,7 +130,7 @@ impl StillStar {
 }
 
 impl Sensitivity {
-    /// Of a camera, at its own exposure time.
+    /// The sensitivity of a camera at its exposure time.
     pub fn of(camera: &Camera) -> Sensitivity {
         let (optics, detector) = (&camera.optics, &camera.detector);
         let star = StillStar::of(camera);
@@ -173,7 +173,7 @@ impl Sensitivity {
     }
 }
 
-/// Whether the vignetting lets any light of a direction (camera axes) through.
+/// Whether any light from a direction (camera axes) passes the vignetting.
 fn passes_light(camera: &Camera, direction: &Vector3<f64>) -> bool {
     camera.optics.vignetting.transmission(direction) > 0.0
 }

@@ -50,7 +50,7 @@ pub(super) fn assess<'s>(
         Assessment::none(format!("{}: {BELOW_NOISE}", because(area)))
     } else if area.electrons == 0.0 {
         // Too faint to be rasterized.
-        Assessment::new(because(area), ErrorBound::of_pixel(area.most_e), 0.0)
+        Assessment::new(because(area), ErrorBound::of_pixel(area.max_e), 0.0)
     } else {
         let cells_e = || {
             with_transfer_smear(scene, area_lit_e(scene, area), || {
@@ -72,5 +72,5 @@ pub(super) fn assess<'s>(
 
 /// `up to 75.2 e- a pixel`.
 pub(super) fn up_to(area: &AreaLight) -> String {
-    format!("up to {} e- a pixel", three_digits(area.most_e))
+    format!("up to {} e- a pixel", three_digits(area.max_e))
 }

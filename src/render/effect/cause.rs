@@ -37,7 +37,7 @@ pub(super) fn no_light(scene: &Scene) -> String {
     format!("no light: {stars}; {}", part(EffectId::Rsos, "object"))
 }
 
-/// Why no source of a kind lights a pixel; `what` names one.
+/// Why no source of a kind lights a pixel; `what` is the noun for one.
 pub(super) fn none_lit(scene: &Scene, what: &str, kind: EffectId) -> String {
     let is = |source: &&Source| source.body.effect() == kind;
     let sources: Vec<&Source> = scene.sources.iter().filter(is).collect();

@@ -24,8 +24,8 @@ pub const DARK_CURRENT: Effect = Effect::light(EffectId::DarkCurrent, "dark curr
 fn assess<'s>(scene: &'s Scene, _: &Fidelity) -> (Assessment<'s>, Pass<'s>) {
     let pattern = &scene.view.camera.detector.pattern;
     let seconds = scene.view.exposure.duration_s;
-    let (mean, most) = (pattern.dark_mean_e_s(), pattern.dark_max_e_s());
-    let assessment = if most == 0.0 {
+    let (mean, max_e_s) = (pattern.dark_mean_e_s(), pattern.dark_max_e_s());
+    let assessment = if max_e_s == 0.0 {
         Assessment::none("the detector has no dark current (detector.dark_e_s)")
     } else if is_below_noise(scene, EffectId::DarkCurrent) {
         Assessment::none(BELOW_NOISE)

@@ -32,7 +32,7 @@ fn assess<'s>(scene: &'s Scene, _: &Fidelity) -> (Assessment<'s>, Pass<'s>) {
         let all = counted(dead.len(), "dead pixel");
         let because = match held.max(struck) {
             0.0 => format!("{all}, and no charge that they could lose"),
-            most => format!("{all}, up to {} e- in one", three_digits(most)),
+            max_e => format!("{all}, up to {} e- in one", three_digits(max_e)),
         };
         Assessment {
             drawn_e: struck,

@@ -23,16 +23,16 @@ pub const FRAME_TRANSFER: Effect = Effect::light(EffectId::FrameTransfer, "frame
 
 fn assess<'s>(scene: &'s Scene, _: &Fidelity) -> (Assessment<'s>, Pass<'s>) {
     let smear_e = &scene.transfer_smear_e;
-    let most = smear_e.iter().copied().fold(0.0, f64::max);
+    let max_e = smear_e.iter().copied().fold(0.0, f64::max);
     let own = EffectId::FrameTransfer;
     let assessment = match scene.view.camera.shutter {
         Shutter::FrameTransfer { .. } if is_below_noise(scene, own) => {
             Assessment::none(BELOW_NOISE)
         }
-        Shutter::FrameTransfer { .. } if most > 0.0 => {
+        Shutter::FrameTransfer { .. } if max_e > 0.0 => {
             let because = format!(
                 "columns get trails of up to {} e- a pixel",
-                three_digits(most)
+                three_digits(max_e)
             );
             Assessment {
                 error: LazyBound::of(move || final_change_e(scene, || of_cells(smear_e), own)),

@@ -44,12 +44,12 @@ fn assess<'s>(scene: &'s Scene, _: &Fidelity) -> (Assessment<'s>, Pass<'s>) {
     let detector = &scene.view.camera.detector;
     let full = detector.full_well_e;
     let brightest = scene.brightest_e();
-    let most = drawn_e(brightest) + scene.struck.most_e();
+    let max_e = drawn_e(brightest) + scene.struck.max_e();
     let spills = detector.blooming == Blooming::Column;
     let assessment = if scene.blooming.columns.is_empty() {
-        let [most, full] = [most, full].map(three_digits);
+        let [max_e, full] = [max_e, full].map(three_digits);
         Assessment::none(format!(
-            "no pixel gets more than {most} of the {full} e- that it holds"
+            "no pixel gets more than {max_e} of the {full} e- that it holds"
         ))
     } else {
         let (spilling, ns) = if spills {
@@ -59,7 +59,7 @@ fn assess<'s>(scene: &'s Scene, _: &Fidelity) -> (Assessment<'s>, Pass<'s>) {
         };
         let because = format!(
             "a pixel may get {} e-, where it holds {}{spilling}",
-            three_digits(most),
+            three_digits(max_e),
             three_digits(full)
         );
         let error_e = move || {
@@ -74,7 +74,7 @@ fn assess<'s>(scene: &'s Scene, _: &Fidelity) -> (Assessment<'s>, Pass<'s>) {
         let columns = if spills { overfull_columns(scene) } else { 0 };
         Assessment {
             error: LazyBound::of(error_e),
-            drawn_e: most - brightest,
+            drawn_e: max_e - brightest,
             estimated_ms: assessment.estimated_ms + (columns * detector.height) as f64 * 8e-6,
             ..assessment
         }

@@ -23,6 +23,5 @@ use crate::scene::{EffectId, MOON};
 
 /// The Moon.
 pub const THE_MOON: Effect = Effect::light(EffectId::Moon, "moon", |scene, fidelity| {
-    let own_e = |drawn: &[&_]| point::sources_lit_e(scene, drawn);
-    point::assess(scene, fidelity, (EffectId::Moon, MOON), own_e)
+    point::assess_kind(scene, fidelity, (EffectId::Moon, MOON))
 });

@@ -22,20 +22,20 @@ pub const NON_LINEARITY: Effect = Effect::charge(EffectId::NonLinearity, "non-li
 fn assess<'s>(scene: &'s Scene, _: &Fidelity) -> (Assessment<'s>, Pass<'s>) {
     let detector = &scene.view.camera.detector;
     let share = detector.nonlinearity;
-    let held = |e: f64| e.min(scene.blooming.most_e);
+    let held = |e: f64| e.min(scene.blooming.max_e);
     let missing = |e: f64| held(e) - detector.response_e(held(e));
     let brightest = scene.brightest_e();
     let assessment = if share == 0.0 {
         Assessment::none("the detector is linear (detector.nonlinearity)")
     } else {
-        let most = drawn_e(brightest) + scene.struck.most_e();
+        let max_e = drawn_e(brightest) + scene.struck.max_e();
         let because = format!(
             "{} % missing at full well, {} % in the fullest pixel",
             three_digits(100.0 * share),
-            three_digits(100.0 * missing(most) / held(most))
+            three_digits(100.0 * missing(max_e) / held(max_e))
         );
         Assessment {
-            drawn_e: missing(most),
+            drawn_e: missing(max_e),
             ..Assessment::of_pixels(scene, because, missing(brightest), 0.7)
         }
     };

@@ -6,7 +6,7 @@
 //! Computing 25, 10).
 //! Validity: position errors up to 89 arcsec (Saturn), 10 for the inner planets, 51 for Mars; in
 //! the Sun's colour; no discs (Venus may have 1 arcmin), no moons.
-//! Price: that of a star each.
+//! Price: that of a star for each.
 
 use super::Effect;
 use super::point;
@@ -14,6 +14,5 @@ use crate::scene::EffectId;
 
 /// The planets.
 pub const PLANETS: Effect = Effect::light(EffectId::Planets, "planets", |scene, fidelity| {
-    let own_e = |drawn: &[&_]| point::sources_lit_e(scene, drawn);
-    point::assess(scene, fidelity, (EffectId::Planets, "planet"), own_e)
+    point::assess_kind(scene, fidelity, (EffectId::Planets, "planet"))
 });

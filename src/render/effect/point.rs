@@ -24,23 +24,27 @@ pub const RSOS: Effect = Effect::light(EffectId::Rsos, "rsos", assess_rsos);
 
 fn assess_stars<'s>(scene: &'s Scene, fidelity: &Fidelity) -> (Assessment<'s>, Pass<'s>) {
     // Computed with the light of all sources.
-    let own_e = |_: &[&Source]| scene.stars_lit_e().to_vec();
+    let own_e = |_: &[&Source]| scene.stars_e.clone();
     assess(scene, fidelity, (EffectId::Stars, "star"), own_e)
 }
 
 fn assess_rsos<'s>(scene: &'s Scene, fidelity: &Fidelity) -> (Assessment<'s>, Pass<'s>) {
-    let own_e = |drawn: &[&Source]| sources_lit_e(scene, drawn);
-    assess(scene, fidelity, (EffectId::Rsos, "object"), own_e)
+    assess_kind(scene, fidelity, (EffectId::Rsos, "object"))
 }
 
-/// Bound (e-) of the light of these sources alone, for each column of cells.
-pub(super) fn sources_lit_e(scene: &Scene, sources: &[&Source]) -> Vec<f64> {
-    lit_e(scene, sources.iter().copied().map(Lit::from))
+/// [`assess`] for sources whose own light has to be computed.
+pub(super) fn assess_kind<'s>(
+    scene: &'s Scene,
+    fidelity: &Fidelity,
+    kind: (EffectId, &'static str),
+) -> (Assessment<'s>, Pass<'s>) {
+    let own_e = |drawn: &[&Source]| lit_e(scene, drawn.iter().copied().map(Lit::from));
+    assess(scene, fidelity, kind, own_e)
 }
 
 /// The assessment of sources of a kind; `own_e` bounds their light alone, `what` is the noun for
 /// one.
-pub(super) fn assess<'s>(
+fn assess<'s>(
     scene: &'s Scene,
     fidelity: &Fidelity,
     (effect, what): (EffectId, &'static str),
@@ -53,8 +57,8 @@ pub(super) fn assess<'s>(
         Assessment::none(none_lit(scene, what, effect))
     } else {
         let brightest = drawn.iter().map(|s| s.electrons).fold(0.0, f64::max);
-        let (all, most) = (counted(drawn.len(), what), three_digits(brightest));
-        let because = format!("{all} in the field, up to {most} e-");
+        let (all, max_e) = (counted(drawn.len(), what), three_digits(brightest));
+        let because = format!("{all} in the field, up to {max_e} e-");
         if is_below_noise(scene, effect) {
             Assessment::none(format!("{because}: {BELOW_NOISE}"))
         } else {

@@ -69,9 +69,9 @@ fn rate(scene: &Scene) -> String {
 /// overflow of full neighbours.
 fn overflow_e(scene: &Scene) -> f64 {
     let (detector, blooming) = (&scene.view.camera.detector, &scene.blooming);
-    let most = scene.struck.most_e().min(blooming.most_e);
+    let max_e = scene.struck.max_e().min(blooming.max_e);
     if !blooming.spills() {
-        return most;
+        return max_e;
     }
     // The charge of each column, and of its most charged pixel.
     let mut struck = vec![[0.0f64; 2]; detector.width];
@@ -93,5 +93,5 @@ fn overflow_e(scene: &Scene) -> f64 {
         passed.fold(0.0, f64::max)
     });
     // Blooming moves whole electrons.
-    most.max((passed + 2.0).min(blooming.most_e))
+    max_e.max((passed + 2.0).min(blooming.max_e))
 }

@@ -20,7 +20,7 @@ fn assess<'s>(scene: &'s Scene, _: &Fidelity) -> (Assessment<'s>, Pass<'s>) {
     let (per_electron, offset) = (1.0 / detector.gain_e_per_dn, detector.offset_dn);
     let max = f64::from(detector.max_dn());
     // Without it there are no digital numbers: the error is the brightest one.
-    let held = scene.brightest_e().min(scene.blooming.most_e);
+    let held = scene.brightest_e().min(scene.blooming.max_e);
     let brightest_dn = (held * per_electron + offset + 0.5).clamp(0.0, max);
     let all_e = brightest_dn * detector.gain_e_per_dn;
     let because = format!("a frame is digits of {} bits", detector.bits);

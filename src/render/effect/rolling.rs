@@ -34,7 +34,7 @@ fn assess(view: &View, simulated: &EffectSet, fidelity: &Fidelity) -> Assessment
         });
     }
     let off_px = view.longest_track_px(readout_s) / 2.0;
-    let edge_px = view.areas_swing_px(readout_s) / 2.0;
+    let edge_px = view.areas_motion_px(readout_s) / 2.0;
     if off_px + edge_px == 0.0 {
         return Assessment::none("the body's rates are 0, and no object moves across the field");
     }
@@ -55,8 +55,8 @@ fn assess(view: &View, simulated: &EffectSet, fidelity: &Fidelity) -> Assessment
 /// Ratio of the least to the greatest transmission in the field (1).
 fn evenness(view: &View) -> f64 {
     let camera = &view.camera;
-    let [least, most] = camera.optics.vignetting.range(camera.cone_rad(0.0));
-    least / most.max(f64::MIN_POSITIVE)
+    let [min, max] = camera.optics.vignetting.range(camera.cone_rad(0.0));
+    min / max.max(f64::MIN_POSITIVE)
 }
 
 fn change(scene: &Scene, bound: &ErrorBound) -> ErrorBound {
@@ -78,7 +78,7 @@ fn change(scene: &Scene, bound: &ErrorBound) -> ErrorBound {
             reach_px: off_px + 1.0,
         }
     });
-    let edge_px = scene.view.areas_swing_px(scene.view.camera.readout_s()) / 2.0;
+    let edge_px = scene.view.areas_motion_px(scene.view.camera.readout_s()) / 2.0;
     let e = e + areas_changed_e(scene, &other, bound.px + edge_px);
     ErrorBound { e, ..*bound }
 }

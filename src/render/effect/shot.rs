@@ -25,21 +25,21 @@ pub const SHOT_NOISE: Effect = Effect::charge(EffectId::ShotNoise, "shot noise",
 const STREAM: u8 = 1;
 
 fn assess<'s>(scene: &'s Scene, fidelity: &Fidelity) -> (Assessment<'s>, Pass<'s>) {
-    let most = scene.brightest_e();
+    let max_e = scene.brightest_e();
     let no_dark = if scene.simulated.has(EffectId::DarkCurrent) {
         "no dark current"
     } else {
         "dark current is switched off"
     };
-    let assessment = if most == 0.0 {
+    let assessment = if max_e == 0.0 {
         Assessment::none(format!("{}; {no_dark}", no_light(scene)))
     } else {
-        let e = most
-            .min(scene.blooming.most_e)
+        let e = max_e
+            .min(scene.blooming.max_e)
             .sqrt()
             .max(bloomed_noise_e(scene));
-        let most = three_digits(most);
-        let because = format!("charge comes in electrons, up to {most} in a pixel");
+        let max_e = three_digits(max_e);
+        let because = format!("charge comes in electrons, up to {max_e} in a pixel");
         Assessment::new(because, ErrorBound::of_pixel(e), estimated_ms(scene))
     };
     let switch = Switch::within(fidelity.poisson_tv);

@@ -25,7 +25,7 @@ fn assess(view: &View, simulated: &EffectSet, fidelity: &Fidelity) -> Assessment
         return Assessment::none(STILL_IN_FLOOD);
     }
     let length_px = view.longest_track_px(view.exposure.duration_s);
-    let edge_px = view.areas_swing_px(view.exposure.duration_s);
+    let edge_px = view.areas_motion_px(view.exposure.duration_s);
     // Without smear images also stand still for a rolling shutter.
     let rolled_px = match view.camera.readout_s() {
         0.0 => 0.0,
@@ -97,7 +97,7 @@ fn change(scene: &Scene, bound: &ErrorBound) -> ErrorBound {
             reach_px: moved + 1.0,
         }
     });
-    let edge_px = scene.view.areas_swing_px(scene.view.exposure.duration_s);
+    let edge_px = scene.view.areas_motion_px(scene.view.exposure.duration_s);
     let e = e + areas_changed_e(scene, &other, (2.0 * bound.px + edge_px).powi(2) / 3.0);
     ErrorBound { e, ..*bound }
 }

@@ -37,9 +37,9 @@ fn assess(view: &View, simulated: &EffectSet, fidelity: &Fidelity) -> Assessment
     if *vignetting == Vignetting::None {
         return Assessment::none("the optics have no vignetting");
     }
-    let [least, most] = vignetting.range(view.camera.cone_rad(0.0));
+    let [min, max] = vignetting.range(view.camera.cone_rad(0.0));
     let e = view.brightest_px_e(|seen| (1.0 - vignetting.transmission(seen)).abs())
-        + areas_e(view, simulated, 1.0 - least);
+        + areas_e(view, simulated, 1.0 - min);
     if e == 0.0 {
         return Assessment::none(why_none(view, simulated));
     }
@@ -47,9 +47,9 @@ fn assess(view: &View, simulated: &EffectSet, fidelity: &Fidelity) -> Assessment
         Vignetting::Table(_) => 22.0,
         _ => 4.0,
     };
-    let px = view.longest_track_px(view.open_s) * ((most - least) / (4.0 * least)).min(1.0);
-    let [least, most] = [least, most].map(|part| three_digits(100.0 * part));
-    let because = format!("{least} to {most} % of the light passes");
+    let px = view.longest_track_px(view.open_s) * ((max - min) / (4.0 * min)).min(1.0);
+    let [min, max] = [min, max].map(|part| three_digits(100.0 * part));
+    let because = format!("{min} to {max} % of the light passes");
     Assessment::new(
         because,
         ErrorBound { e, px },
@@ -109,9 +109,9 @@ fn change(scene: &Scene, bound: &ErrorBound) -> ErrorBound {
     let seen = lines_of_sight(scene);
     let passes = |source: &Source| {
         let passes = seen(&source.body).map(|seen| vignetting.transmission(&seen));
-        passes.iter().fold([1.0f64, 0.0], |[least, most], t| {
-            [t.min(least), t.max(most)]
-        })
+        passes
+            .iter()
+            .fold([1.0f64, 0.0], |[min, max], t| [t.min(min), t.max(max)])
     };
     let radius = |source: &Source| match &source.body {
         Body::Planet(body) if body.elements.len() > 1 => body.angular_radius,
@@ -119,9 +119,9 @@ fn change(scene: &Scene, bound: &ErrorBound) -> ErrorBound {
     };
     let scale = scene.view.scale_and_corner_px.0;
     let off_px = scene.sources.iter().map(|source| {
-        let [least, most] = if moves { passes(source) } else { [1.0, 1.0] };
+        let [min, max] = if moves { passes(source) } else { [1.0, 1.0] };
         // 10 % margin for positions between.
-        let part = 1.1 * (most - least) / (4.0 * least.max(f64::MIN_POSITIVE));
+        let part = 1.1 * (max - min) / (4.0 * min.max(f64::MIN_POSITIVE));
         // A disc of radius R across which the logarithm of the light changes by c: R c / 8; a part
         // of the disc: up to twice that.
         let [_, seen, _] = seen(&source.body);
@@ -136,11 +136,11 @@ fn change(scene: &Scene, bound: &ErrorBound) -> ErrorBound {
         false,
         |_| Some(0.0),
         |image| {
-            let [least, _] = passes(image.source);
+            let [min, _] = passes(image.source);
             // Relative to the light before the optics, with the same margin.
-            let taken = 1.1 * (1.0 - least);
+            let taken = 1.1 * (1.0 - min);
             let clear_e = if simulated.has(EffectId::Vignetting) {
-                (image.height_e() / least).min(image.still_e)
+                (image.height_e() / min).min(image.still_e)
             } else {
                 image.height_e()
             };

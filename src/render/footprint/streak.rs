@@ -19,7 +19,7 @@ thread_local! {
 const LANES: usize = 8;
 /// Below this tolerated loss of light, sums are in double precision: single precision errs by up to
 /// 3e-8.
-const LITTLE: f64 = 3e-7;
+const SINGLE_PRECISION_LOSS: f64 = 3e-7;
 
 /// Buffers for a streak.
 #[derive(Default)]
@@ -30,7 +30,7 @@ struct Room {
     light: Vec<f32>,
 }
 
-/// Rows of a sheet, the first of which is a row of the plane.
+/// Rows of a sheet; `first` is a row of the detector plane.
 #[derive(Default)]
 struct Rows {
     first: i32,
@@ -116,7 +116,7 @@ impl Room {
             return Some(Footprint::default());
         }
         let sides = [camera.detector.width as i32, camera.detector.height as i32];
-        let footprint = if fidelity.bound(light.electrons) < LITTLE {
+        let footprint = if fidelity.bound(light.electrons) < SINGLE_PRECISION_LOSS {
             let mut light = Vec::new();
             let mut sheet = rows.sheet(&mut light);
             kernels::add_dots_f64(level, double, &circle, dots, &mut sheet);

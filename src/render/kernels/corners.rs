@@ -105,7 +105,7 @@ mod tests {
                 assert_eq!(line(Some(level)), twin, "{level:?}");
             }
             for (i, found) in twin.into_iter().enumerate() {
-                // X-Val: by hand, the product of the cubics, of which Lagrange's are exact.
+                // X-Val: by hand, the product of the cubics, which Lagrange's formula reproduces.
                 let at = |first: usize, t: f64| cubic(first as f64 + t);
                 let truth = at(i, 1.1 + 0.09 * i as f64) * at(j, 1.9 - 0.1 * j as f64);
                 assert!((found - truth).abs() < 1e-13, "{i} {j}: {found} {truth}");

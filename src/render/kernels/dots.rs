@@ -357,9 +357,9 @@ mod tests {
                         (f64::from(single[position]), 1e-9),
                         (double[position], 1e-17),
                     ];
-                    for (found, most) in found {
+                    for (found, tolerance) in found {
                         let off = (found - share).abs();
-                        assert!(off < most, "{column} {row} {found} {share}");
+                        assert!(off < tolerance, "{column} {row} {found} {share}");
                     }
                 }
             }

@@ -1,17 +1,17 @@
 //! Light of sources on pixels: adding it, and its signal-to-noise ratio.
 
 /// Pixels computed in parallel lanes.
-const WIDE: usize = 8;
+const LANES: usize = 8;
 /// Pixels of a sum in single precision.
-const FEW: usize = 256;
+const CHUNK: usize = 256;
 /// Light (e-) that counts as none: its square is close to the smallest number of single precision.
 const MIN_E: f32 = 1e-15;
 
 /// Factors of the last lanes: 1 within a row, 0 beyond it. A product avoids branches.
-const COUNTS: [f32; 2 * WIDE] = {
-    let mut counts = [0.0; 2 * WIDE];
+const COUNTS: [f32; 2 * LANES] = {
+    let mut counts = [0.0; 2 * LANES];
     let mut i = 0;
-    while i < WIDE {
+    while i < LANES {
         counts[i] = 1.0;
         i += 1;
     }
@@ -117,17 +117,17 @@ pub fn light_body(
     for (row, span) in spans.iter().enumerate() {
         let (length, offset) = (span.length as usize, span.offset as usize);
         let from = (first + row) * wide + span.column as usize;
-        let whole = length.next_multiple_of(WIDE);
+        let whole = length.next_multiple_of(LANES);
         if let Some(pixels) = pixels.get_mut(from..from + whole)
             && let Some(shares) = shares.get(offset..offset + whole)
         {
             let mut left = length;
-            let pixels = pixels.as_chunks_mut::<WIDE>().0.iter_mut();
-            for (pixels, shares) in pixels.zip(shares.as_chunks::<WIDE>().0) {
-                let counts = &COUNTS[WIDE - left.min(WIDE)..][..WIDE];
-                left -= left.min(WIDE);
+            let pixels = pixels.as_chunks_mut::<LANES>().0.iter_mut();
+            for (pixels, shares) in pixels.zip(shares.as_chunks::<LANES>().0) {
+                let counts = &COUNTS[LANES - left.min(LANES)..][..LANES];
+                left -= left.min(LANES);
                 let mut sums = *pixels;
-                for i in 0..WIDE {
+                for i in 0..LANES {
                     sums[i] = f32::mul_add(electrons * counts[i], shares[i], sums[i]);
                 }
                 *pixels = sums;
@@ -168,12 +168,12 @@ pub fn signal_body(
     sum: &mut f64,
 ) {
     let reading = Single::of(reading, electrons);
-    for (shares, background) in shares.chunks(FEW).zip(background.chunks(FEW)) {
-        let mut sums = [0.0; WIDE];
-        let (shares, last) = shares.as_chunks::<WIDE>();
-        let (background, rest) = background.as_chunks::<WIDE>();
+    for (shares, background) in shares.chunks(CHUNK).zip(background.chunks(CHUNK)) {
+        let mut sums = [0.0; LANES];
+        let (shares, last) = shares.as_chunks::<LANES>();
+        let (background, rest) = background.as_chunks::<LANES>();
         for (shares, background) in shares.iter().zip(background) {
-            for i in 0..WIDE {
+            for i in 0..LANES {
                 sums[i] += reading.term(shares[i], background[i]);
             }
         }
@@ -195,10 +195,10 @@ pub fn signal_twin(
     sum: &mut f64,
 ) {
     let reading = Single::of(reading, electrons);
-    for (shares, background) in shares.chunks(FEW).zip(background.chunks(FEW)) {
-        let mut sums = [0.0; WIDE];
+    for (shares, background) in shares.chunks(CHUNK).zip(background.chunks(CHUNK)) {
+        let mut sums = [0.0; LANES];
         for (i, (share, b)) in shares.iter().zip(background).enumerate() {
-            sums[i % WIDE] += reading.term(*share, *b);
+            sums[i % LANES] += reading.term(*share, *b);
         }
         sums.iter().for_each(|part| *sum += f64::from(*part));
     }

@@ -239,7 +239,7 @@ impl Label {
             no_objects: objects
                 .is_empty()
                 .then(|| empty::why_no_objects(scene, label_snr, flooded_by)),
-            fidelity: scene.fidelity().into(),
+            fidelity: (&scene.fidelity).into(),
             overrun: None,
             effects,
             spots_left_out: (spots.left_out > 0).then_some(spots.left_out),

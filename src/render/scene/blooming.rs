@@ -18,7 +18,7 @@ use crate::camera::Detector;
 #[derive(Debug, Default)]
 pub struct BloomingColumns {
     /// The most charge that a pixel holds, e-.
-    pub most_e: f64,
+    pub max_e: f64,
     /// The columns in which a pixel may fill up, with noise and particles, and all columns of the
     /// same cells (`bounds::cells`); sorted.
     pub columns: Vec<usize>,

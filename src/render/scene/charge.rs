@@ -190,8 +190,8 @@ pub fn in_groups<T: Send>(
     columns: &[usize],
     work: impl Fn(&[usize]) -> T + Send + Sync,
 ) -> Vec<T> {
-    let most = (GROUP_PIXELS / scene.view.camera.detector.height.max(1)).max(1);
-    let groups = columns.par_chunks(columns.len().div_ceil(GROUPS).clamp(1, most));
+    let max_columns = (GROUP_PIXELS / scene.view.camera.detector.height.max(1)).max(1);
+    let groups = columns.par_chunks(columns.len().div_ceil(GROUPS).clamp(1, max_columns));
     let groups = groups.filter(|_| !scene.is_cancelled());
     groups.map(work).collect()
 }

@@ -28,12 +28,12 @@ pub struct Scene {
     /// The light of area sources, in the order of their effects.
     pub areas: Vec<AreaLight>,
     /// The light of all area sources.
-    pub(super) areas_light: TotalAreaLight,
+    pub areas_light: TotalAreaLight,
     /// Bound of the light of any pixel, with pixel response, for each column of cells
     /// (`bounds::cells`), e-.
     pub(super) peaks_e: Vec<f64>,
     /// The same of stars alone.
-    pub(super) stars_e: Vec<f64>,
+    pub stars_e: Vec<f64>,
     /// Frame-transfer smear of each pixel of a column, e-, one value a column; empty without frame
     /// transfer.
     pub transfer_smear_e: Vec<f64>,
@@ -48,7 +48,7 @@ pub struct Scene {
     /// The light on columns that may fill up, e-.
     pub(super) spilling_e: Vec<Vec<f64>>,
     /// The tolerances of its images.
-    pub(super) fidelity: Fidelity,
+    pub fidelity: Fidelity,
 }
 
 impl Scene {
@@ -57,15 +57,10 @@ impl Scene {
         let full_e = signal::full_e(&self.view.camera.detector, &self.simulated);
         // The pixels of a disc may be full of other light.
         let fills = || {
-            let most = reduce::greatest(source.footprint.shares());
-            source.body.points() > 1 || source.electrons * f64::from(most) >= full_e
+            let max_share = reduce::greatest(source.footprint.shares());
+            source.body.points() > 1 || source.electrons * f64::from(max_share) >= full_e
         };
         source.electrons > 0.0 && source.clear_snr == 0.0 && fills()
-    }
-
-    /// Its tolerances.
-    pub fn fidelity(&self) -> &Fidelity {
-        &self.fidelity
     }
 
     /// Whether its frame is cancelled: results computed afterwards are incomplete and must not be
@@ -108,11 +103,6 @@ impl Scene {
         }
         let areas = self.areas.iter().filter(is_in);
         areas.filter_map(AreaLight::light).collect()
-    }
-
-    /// The light of all area sources.
-    pub fn areas_together(&self) -> &TotalAreaLight {
-        &self.areas_light
     }
 
     /// Expected charge of a pixel without stars and objects, averaged over the frame, e-.
@@ -179,14 +169,18 @@ impl Scene {
         }
     }
 
-    /// Bound of the light of the stars, for each column of cells, e-.
-    pub fn stars_lit_e(&self) -> &[f64] {
-        &self.stars_e
-    }
-
     /// Bound of the expected charge of any pixel, without particles, e-.
     pub fn brightest_e(&self) -> f64 {
-        let light = self.peaks_e.iter().copied().fold(0.0, f64::max);
+        self.brightest_with(self.peaks_e.iter().copied().fold(0.0, f64::max))
+    }
+
+    /// The same of a pixel of a column of cells.
+    pub(super) fn brightest_of_cells(&self, column: usize) -> f64 {
+        self.brightest_with(self.peaks_e.get(column).copied().unwrap_or(0.0))
+    }
+
+    /// The same of a pixel with this light, e-.
+    fn brightest_with(&self, light: f64) -> f64 {
         let dark = self.dark_charge_e(self.view.camera.detector.pattern.dark_max_e_s());
         light + dark + self.transfer_smear().iter().copied().fold(0.0, f64::max)
     }
@@ -197,13 +191,5 @@ impl Scene {
         let dark = self.dark_charge_e(pattern.dark_max_of_column(column));
         let transfer_smear = self.transfer_smear().get(column).copied().unwrap_or(0.0);
         self.peaks_e[column / CELL] + dark + transfer_smear
-    }
-
-    /// The same of a pixel of a column of cells.
-    pub(super) fn fullest_e(&self, column: usize) -> f64 {
-        let dark = self.dark_charge_e(self.view.camera.detector.pattern.dark_max_e_s());
-        let transfer_smear = self.transfer_smear().iter().copied().fold(0.0, f64::max);
-        let light = self.peaks_e.get(column);
-        light.copied().unwrap_or(0.0) + dark + transfer_smear
     }
 }

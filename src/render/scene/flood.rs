@@ -22,8 +22,8 @@ pub fn flooded_by(scene: &Scene) -> Option<EffectId> {
         (EffectId::DarkCurrent, scene.dark_e()),
         (EffectId::FrameTransfer, scene.mean_transfer_smear_e()),
     ];
-    let most = areas.chain(others).max_by(|a, b| a.1.total_cmp(&b.1));
-    most.map(|(effect, _)| effect)
+    let brightest = areas.chain(others).max_by(|a, b| a.1.total_cmp(&b.1));
+    brightest.map(|(effect, _)| effect)
 }
 
 /// The part of the pixels that are full in expectation without stars and objects (1).
@@ -39,7 +39,7 @@ pub fn full_part(scene: &Scene) -> f64 {
         let first = row * detector.width;
         light_e.clear();
         light_e.resize(detector.width, 0.0);
-        scene.areas_together().add_to_row(first, light_e);
+        scene.areas_light.add_to_row(first, light_e);
         let charges = (first..).zip(&*light_e);
         let charges = charges.map(|(pixel, e)| without_sources_e(scene, pixel, f64::from(*e)));
         charges.filter(|e| *e >= full_e).count()

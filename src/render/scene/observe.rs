@@ -30,8 +30,8 @@ use skyloop_base::rng::NoiseKey;
 use skyloop_orbit::sgp4_batch::Level;
 use std::sync::Arc;
 
-/// Least number of sources for a thread of its own.
-const FEW: usize = 128;
+/// Least number of sources for a task.
+const MIN_SOURCES: usize = 128;
 
 /// Number of the Moon and the planets.
 const MOON_AND_PLANETS: usize = 8;
@@ -139,7 +139,7 @@ fn find_candidates(
     view.sides = field.still_sides();
     // Allocated once, with capacity for all kinds.
     let mut candidates = Vec::with_capacity(stars.len() + seen.objects.len() + MOON_AND_PLANETS);
-    let stars = stars.into_par_iter().with_min_len(FEW);
+    let stars = stars.into_par_iter().with_min_len(MIN_SOURCES);
     candidates.par_extend(stars.map(|star| seen_star(view, star, &earth, &shutter[1])));
     let faintest_e = faint.star_snr * noise_e(view, faint.floor_e);
     candidates.retain(|star| star.clear_e >= faintest_e);
@@ -208,17 +208,20 @@ fn rsos(
     faint: &Faint,
 ) -> (Vec<Candidate>, Vec<(usize, Excluded)>) {
     let noise_e = noise_e(view, faint.floor_e);
-    let sorted_out = objects.into_par_iter().with_min_len(FEW).map(|object| {
-        let index = object.index;
-        let candidate = rso(view, object);
-        let is_unlit = candidate.electrons() <= 0.0;
-        let min_snr = if is_unlit { faint.unlit_snr } else { faint.snr };
-        if candidate.clear_e <= min_snr * noise_e {
-            Either::Right((index, Excluded::TooFaint))
-        } else {
-            Either::Left(candidate)
-        }
-    });
+    let sorted_out = objects
+        .into_par_iter()
+        .with_min_len(MIN_SOURCES)
+        .map(|object| {
+            let index = object.index;
+            let candidate = rso(view, object);
+            let is_unlit = candidate.electrons() <= 0.0;
+            let min_snr = if is_unlit { faint.unlit_snr } else { faint.snr };
+            if candidate.clear_e <= min_snr * noise_e {
+                Either::Right((index, Excluded::TooFaint))
+            } else {
+                Either::Left(candidate)
+            }
+        });
     sorted_out.partition_map(|either| either)
 }
 

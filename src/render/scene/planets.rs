@@ -79,8 +79,8 @@ pub fn the_moon(
         let shares = arriving.lit.iter().map(|(_, share)| *share);
         let brightest = shares.fold(0.0, f64::max);
         let square_px = 2.0 * disc.angular_radius * view.scale_and_corner_px.0 / count;
-        let most_e = clear_e * brightest / f64::max(arriving.all, f64::MIN_POSITIVE);
-        large.area(2.0 * most_e / (square_px * square_px))
+        let max_e = clear_e * brightest / f64::max(arriving.all, f64::MIN_POSITIVE);
+        large.area(2.0 * max_e / (square_px * square_px))
     });
     let points = match area {
         Some(_) => AREA_POINTS + view.camera.detector.pixels() / PIXELS_A_POINT,

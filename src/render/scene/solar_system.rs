@@ -65,7 +65,7 @@ impl VisiblePlanet {
     /// Kind of a planet.
     pub const PLANET_KIND: &'static str = "planet";
 
-    /// What it is: `moon` or `planet`.
+    /// Its kind: `moon` or `planet`.
     pub fn kind(&self) -> &'static str {
         if self.is_moon() {
             Self::MOON_KIND

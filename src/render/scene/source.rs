@@ -110,7 +110,7 @@ pub enum Hidden {
 /// A point source in the field.
 #[derive(Debug, Clone)]
 pub struct Source {
-    /// What it is.
+    /// Its kind.
     pub body: Body,
     /// Its image when its row opens (or where it enters the camera's half space), px.
     pub start: [f64; 2],
@@ -145,7 +145,7 @@ impl Source {
 /// A source near the field, before its image is formed.
 #[derive(Debug, Clone)]
 pub struct Candidate {
-    /// What it is.
+    /// Its kind.
     pub body: Body,
     /// Electrons of all its light in the exposure, if it were neither hidden nor shaded.
     pub clear_e: f64,

@@ -119,11 +119,11 @@ fn draw_particles(scene: &mut Scene) {
         }),
     };
     let expected = particles.expected_events(&camera.detector, flux, view.exposure.duration_s);
-    let most = particles.max_events(&camera.detector);
-    scene.particles_left_out = (expected - most).max(0.0);
+    let max_events = particles.max_events(&camera.detector);
+    scene.particles_left_out = (expected - max_events).max(0.0);
     let pixels = particles.work_an_event(&camera.detector);
     let event_ns = EVENT_NS + pixels * DIFFUSED_NS;
-    view.limit.spend(expected.min(most) * event_ns);
+    view.limit.spend(expected.min(max_events) * event_ns);
     let events = particles.each_event(&camera.detector, expected, view.key);
     let events = events.take_while(|_| !view.limit.is_over());
     scene.events = events.collect();

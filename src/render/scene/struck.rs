@@ -14,7 +14,7 @@ pub struct Struck {
     /// without particles.
     rows: Vec<Vec<(u32, u32)>>,
     /// The most charge in one pixel, e-.
-    most_e: u32,
+    max_e: u32,
 }
 
 impl Struck {
@@ -28,17 +28,17 @@ impl Struck {
             }
         }
         let complete = rows.par_iter_mut().filter(|_| !limit.is_cancelled());
-        let most = complete.map(add_up).max();
+        let max_e = complete.map(add_up).max();
         Struck {
             width: detector.width,
             rows,
-            most_e: most.unwrap_or(0),
+            max_e: max_e.unwrap_or(0),
         }
     }
 
     /// The most charge in one pixel, e-.
-    pub fn most_e(&self) -> f64 {
-        f64::from(self.most_e)
+    pub fn max_e(&self) -> f64 {
+        f64::from(self.max_e)
     }
 
     /// `(row-major index, e-)` of each hit pixel, in order.

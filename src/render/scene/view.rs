@@ -126,16 +126,18 @@ impl View {
     pub(super) fn may_hold(&self, candidate: &Candidate) -> bool {
         let (mut sides, optics) = (self.sides.iter(), &self.camera.optics);
         match &candidate.body {
-            Body::Star(star) => sides.all(|(inward, least)| star.direction.dot(inward) >= *least),
+            Body::Star(star) => {
+                sides.all(|(inward, min_product)| star.direction.dot(inward) >= *min_product)
+            }
             Body::Rso(_) => true,
             Body::Planet(body) => {
                 // The light is off the centre of the disc, and wings are drawn further than those
                 // of stars.
                 let wings = 2.0 * optics.psf.reach_px(f64::EPSILON) / optics.focal_px;
                 let reach = 2.0 * body.angular_radius + candidate.swing + wings;
-                sides.all(|(inward, least)| {
+                sides.all(|(inward, min_product)| {
                     libm::asin(body.centre.dot(inward).clamp(-1.0, 1.0)) + reach
-                        >= libm::asin(*least)
+                        >= libm::asin(*min_product)
                 })
             }
         }
@@ -185,22 +187,22 @@ impl View {
         let pointing = self.pointing(0.0);
         let widest = (camera.cone_rad(psf.core_px() * 5.0) + self.turn).min(std::f64::consts::PI);
         let edge = libm::cos(widest);
-        let mut most = 0.0f64;
+        let mut max_e = 0.0f64;
         for candidate in &self.candidates {
             let e = candidate.electrons();
             // Only a few candidates get this far.
-            if e > most {
+            if e > max_e {
                 let seen = pointing.rotate(&candidate.body.line(0.5)).normalize();
                 if seen.z >= edge - candidate.swing {
-                    most = most.max(e * part(&seen));
+                    max_e = max_e.max(e * part(&seen));
                 }
             }
         }
-        2.0 * most * share
+        2.0 * max_e * share
     }
 
     /// Bound of the own motion of area light's edges in `seconds`, px.
-    pub fn areas_swing_px(&self, seconds: f64) -> f64 {
+    pub fn areas_motion_px(&self, seconds: f64) -> f64 {
         let swings = self.areas.iter().map(|area| area.swing());
         swings.fold(0.0, f64::max) * seconds * self.scale_and_corner_px.0
     }
@@ -208,7 +210,7 @@ impl View {
     /// Bound of the motion of images and of area light's edges in the exposure, px.
     pub fn longest_path_px(&self) -> f64 {
         let seconds = self.exposure.duration_s;
-        self.longest_track_px(seconds) + self.areas_swing_px(seconds)
+        self.longest_track_px(seconds) + self.areas_motion_px(seconds)
     }
 
     /// Estimate of the brightest area light of a pixel, e-.
@@ -231,7 +233,7 @@ impl View {
         photon_irradiance(per_second, band_mag) * self.exposure.duration_s
     }
 
-    /// What occults a direction at infinity.
+    /// The body that occults a direction at infinity, if any.
     pub fn hidden(
         &self,
         direction: &Vector3<f64>,

@@ -1,7 +1,7 @@
 //! Estimated work of image formation, for the estimated times of effects.
 
 use super::area::motion::{AREA_EVALUATION_NS, panels};
-use super::area::sampled::{STEPS_PX, most_steps};
+use super::area::sampled::{STEPS_PX, max_steps};
 use super::content::Scene;
 use super::effect_set::EffectSet;
 use super::imaging::{
@@ -169,7 +169,7 @@ pub fn areas_smear_ms(view: &View) -> f64 {
     let edged = view.areas.iter().filter(|area| area.has_edges());
     let px = view.longest_path_px();
     let pixels = view.camera.detector.pixels();
-    let steps = (STEPS_PX * px + 1.0).min(most_steps(pixels) as f64);
+    let steps = (STEPS_PX * px + 1.0).min(max_steps(pixels) as f64);
     let [columns, rows] = view.camera.detector.sides();
     let near_px = if px > 1.0 { LIMB_PX } else { EDGE_PX };
     let smeared = ((near_px + px) * (columns + rows)).min(pixels as f64);

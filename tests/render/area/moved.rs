@@ -38,7 +38,7 @@ fn a_moving_thin_layer_gives_the_time_mean() {
         let smeared = EffectSet::default().with(EffectId::Smear);
         let light = lit(&view, layer(), &smeared);
         let (layer, optics) = (layer(), &view.camera.optics);
-        let max = light.most_e;
+        let max = light.max_e;
         const STEPS: usize = 500;
         let turned = (0..STEPS).map(|i| {
             let part = (i as f64 + 0.5) / STEPS as f64 - 0.5;

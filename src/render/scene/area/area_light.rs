@@ -20,7 +20,7 @@ pub struct AreaLight {
     /// Electrons on all pixels.
     pub electrons: f64,
     /// The most in a pixel, e-.
-    pub most_e: f64,
+    pub max_e: f64,
     /// Whether its total is lost in noise.
     pub is_thin: bool,
     /// The work of rasterizing it.
@@ -51,12 +51,12 @@ impl AreaLight {
     }
 
     /// The most light of a pixel in each column of cells, e-.
-    pub fn most_of_columns(&self) -> Vec<f64> {
-        self.ends.iter().map(|[_, most]| f64::from(*most)).collect()
+    pub fn max_of_columns(&self) -> Vec<f64> {
+        self.ends.iter().map(|[_, max]| f64::from(*max)).collect()
     }
 
     /// The least light of a pixel in each column of cells, e-; empty if too faint.
     pub fn floor_e(&self) -> impl Iterator<Item = f32> {
-        self.ends.iter().map(|[least, _]| *least)
+        self.ends.iter().map(|[min, _]| *min)
     }
 }

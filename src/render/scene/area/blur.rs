@@ -14,7 +14,7 @@ use crate::fidelity::Fidelity;
 
 /// Furthest that light is spread, px.
 const FURTHEST: usize = 24;
-/// Side of the patches that have one spread, px: as many as a word has bits.
+/// Side of the patches with a common spread, px: the bits of a word.
 pub const PATCH: usize = u64::BITS as usize;
 
 /// Core width below which less of the pixel's width is removed from a spread, px.
@@ -35,10 +35,9 @@ pub struct Blur<'a> {
 }
 
 impl<'a> Blur<'a> {
-    /// For light up to `most_e` in a pixel. Without edges light is not blurred.
-    pub fn new(camera: &'a Camera, most_e: f64, has_edges: bool, fidelity: &Fidelity) -> Blur<'a> {
-        let bound =
-            (fidelity.area_e / most_e.max(f64::MIN_POSITIVE)).clamp(fidelity.psf_loss, 1e-3);
+    /// For light up to `max_e` in a pixel. Without edges light is not blurred.
+    pub fn new(camera: &'a Camera, max_e: f64, has_edges: bool, fidelity: &Fidelity) -> Blur<'a> {
+        let bound = (fidelity.area_e / max_e.max(f64::MIN_POSITIVE)).clamp(fidelity.psf_loss, 1e-3);
         let reach = (camera.optics.psf.reach_px(bound).ceil() as usize).clamp(1, FURTHEST);
         Blur {
             camera,

@@ -54,7 +54,7 @@ pub fn lit_by(
         light: None,
         ends: Vec::new(),
         electrons: 0.0,
-        most_e: area.peak_e,
+        max_e: area.peak_e,
         is_thin: true,
         work: RasterWork::default(),
     };
@@ -74,16 +74,16 @@ pub fn lit_by(
         return none(Some(area.unlit.into()));
     }
     let ends = light.ends_of(CELL);
-    let most = ends.iter().map(|[_, most]| *most);
-    let most_e = f64::from(most.fold(0.0, f32::max));
+    let max = ends.iter().map(|[_, max]| *max);
+    let max_e = f64::from(max.fold(0.0, f32::max));
     AreaLight {
         effect: area.effect,
         dark: None,
         light: Some(light),
         ends,
         electrons,
-        most_e,
-        is_thin: is_too_thin(view, most_e, simulated, fidelity),
+        max_e,
+        is_thin: is_too_thin(view, max_e, simulated, fidelity),
         work,
     }
 }

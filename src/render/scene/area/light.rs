@@ -115,11 +115,11 @@ impl Light {
 
     /// Bound of the light of a pixel in each cell of `side` columns and rows (a power of two), e-,
     /// row by row of cells.
-    pub fn most_of_cells(&self, side: usize) -> Vec<f64> {
+    pub fn max_of_cells(&self, side: usize) -> Vec<f64> {
         let [width, height] = self.lines.size();
         let across = width.div_ceil(side);
         let mut cells = vec![0.0f32; across * height.div_ceil(side)];
-        self.lines.most_of_cells(side, &mut cells);
+        self.lines.max_of_cells(side, &mut cells);
         if !self.runs.is_empty() {
             let rows = cells.par_chunks_mut(across).enumerate();
             rows.for_each(|(row, cells)| self.recompute_uneven(row * side, side, cells));

@@ -282,7 +282,7 @@ impl Lines {
 
     /// Raises each cell of `side` columns and rows to a bound of its pixels' light, e-. `side` is a
     /// power of two, at most the strips' height.
-    pub fn most_of_cells(&self, side: usize, cells: &mut [f32]) {
+    pub fn max_of_cells(&self, side: usize, cells: &mut [f32]) {
         let across = self.width.div_ceil(side);
         let strips = cells.par_chunks_mut(across * (self.side / side));
         let strips = strips.zip(&self.strips).enumerate();
@@ -313,8 +313,8 @@ impl Lines {
                     }));
                     if j > 0 {
                         for i in 0..n {
-                            let most = |row: &[f32]| row[i].max(row[i + 1]);
-                            raise(i, j - 1, most(&above).max(most(&below)));
+                            let max = |row: &[f32]| row[i].max(row[i + 1]);
+                            raise(i, j - 1, max(&above).max(max(&below)));
                         }
                     }
                 }
@@ -362,8 +362,8 @@ impl Lines {
             for (part, ends) in parts.clone().zip(&mut ends[parts]) {
                 let from = (part * columns).max(square.x) - square.x;
                 let to = ((part + 1) * columns).min(past) - 1 - square.x;
-                let [least, most] = square.ends_between(from, to);
-                *ends = [ends[0].min(least), ends[1].max(most)];
+                let [min, max] = square.ends_between(from, to);
+                *ends = [ends[0].min(min), ends[1].max(max)];
             }
         }
         ends
@@ -462,16 +462,16 @@ mod tests {
         for side in [1, 2, 4, 8] {
             let [across, down] = [30usize, 13].map(|pixels| pixels.div_ceil(side));
             let mut cells = vec![0.0; across * down];
-            lines.most_of_cells(side, &mut cells);
-            let mut most = vec![0.0f32; across * down];
+            lines.max_of_cells(side, &mut cells);
+            let mut max = vec![0.0f32; across * down];
             for (i, e) in pixels.iter().enumerate() {
-                let cell = &mut most[i / 30 / side * across + i % 30 / side];
+                let cell = &mut max[i / 30 / side * across + i % 30 / side];
                 *cell = cell.max(*e);
             }
             // A cell's corners lie one pixel beyond its last pixels, where light is at most 26 e-
             // higher.
-            let near = |(cell, most): (&f32, &f32)| cell >= most && *cell <= most + 26.0;
-            assert!(cells.iter().zip(&most).all(near), "{side}");
+            let near = |(cell, max): (&f32, &f32)| cell >= max && *cell <= max + 26.0;
+            assert!(cells.iter().zip(&max).all(near), "{side}");
         }
     }
 
@@ -480,14 +480,14 @@ mod tests {
         // A ridge along column 20, which is no side of a square.
         let lines = lines(|x, _| 10.0 - (x as f32 - 20.0).abs());
         let pixels = drawn(&lines);
-        for (part, [least, most]) in lines.ends_of(3).into_iter().enumerate() {
+        for (part, [min, max]) in lines.ends_of(3).into_iter().enumerate() {
             let columns = part * 3..(part * 3 + 3).min(30);
             let ridge = columns.flat_map(|x| pixels[x..].iter().step_by(30).copied());
             let (low, high) = (
                 ridge.clone().fold(99.0, f32::min),
                 ridge.fold(0.0, f32::max),
             );
-            assert_eq!([least, most], [low, high], "{part}");
+            assert_eq!([min, max], [low, high], "{part}");
         }
     }
 }

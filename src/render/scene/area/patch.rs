@@ -25,7 +25,7 @@ pub struct Patch {
 }
 
 impl Patch {
-    /// The patch of `size` px around a place (px); none where the plane has no direction.
+    /// The patch of `size` px around a position (px); none where the plane has no direction.
     pub fn new(plane: &Plane<'_>, [x, y]: [f64; 2], size: f64) -> Option<Patch> {
         let middle = plane.taken([x, y])?;
         let places = [[-1.0, -1.0], [1.0, -1.0], [-1.0, 1.0], [1.0, 1.0]]

@@ -100,9 +100,9 @@ pub fn rasterize(
 /// detector, because optics bend it over the field.
 fn largest(radiance: &dyn Radiance, plane: &Plane<'_>, [columns, rows]: [usize; 2]) -> usize {
     let detail_px = radiance.detail() * plane.scale_px();
-    let most = detail_px.min(columns.min(rows) as f64 / 4.0);
+    let max_px = detail_px.min(columns.min(rows) as f64 / 4.0);
     let mut side = LARGEST;
-    while side > SQUARE && side as f64 > most {
+    while side > SQUARE && side as f64 > max_px {
         side /= 2;
     }
     side

@@ -10,7 +10,7 @@ use super::raster_work::RasterWork;
 use nalgebra::Matrix3;
 use rayon::prelude::*;
 
-/// Least number of squares for a thread of its own.
+/// Least number of squares for a task.
 const MIN_SQUARES: usize = 8;
 /// Motion below this counts as none, px.
 const STILL_PX: f64 = 0.02;
@@ -125,7 +125,7 @@ impl Sampler<'_, '_, '_> {
         let count = if px < STILL_PX {
             1
         } else {
-            ((STEPS_PX * px) as usize + 2).min(most_steps(self.grid.plane.detector().pixels()))
+            ((STEPS_PX * px) as usize + 2).min(max_steps(self.grid.plane.detector().pixels()))
         };
         let part = |i: usize| (i as f64 + 0.5) / count as f64 - 0.5;
         (0..count)
@@ -230,6 +230,6 @@ fn cells(radiance: &dyn Radiance, plane: &Plane<'_>) -> usize {
 }
 
 /// Greatest number of time steps of a pixel in a frame of so many `pixels`.
-pub fn most_steps(pixels: usize) -> usize {
+pub fn max_steps(pixels: usize) -> usize {
     (ALL_STEPS / pixels.max(1)).clamp(MIN_STEPS, MAX_STEPS)
 }

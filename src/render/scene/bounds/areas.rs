@@ -104,12 +104,12 @@ pub fn areas_taken_e(view: &View, a: &EffectSet, b: &EffectSet) -> f64 {
 /// out one of the scene's effects, the light is rasterized again and compared; else it moves by at
 /// most `px`.
 pub fn areas_changed_e(scene: &Scene, other: &EffectSet, px: f64) -> f64 {
-    let areas = scene.areas_together();
+    let areas = &scene.areas_light;
     if areas.light().is_none() {
         return 0.0;
     }
     if scene.simulated.and_shapes(other) != scene.simulated {
-        return areas_moved_e(scene, px).min(scene.blooming.most_e);
+        return areas_moved_e(scene, px).min(scene.blooming.max_e);
     }
     let detector = &scene.view.camera.detector;
     let (width, height) = (detector.width, detector.height);

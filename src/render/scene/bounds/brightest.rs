@@ -33,7 +33,7 @@ pub fn stars_and_all_lit_e(scene: &Scene) -> [Vec<f64>; 2] {
     parts.extend(lit(others));
     let areas = scene.areas_light.light();
     if has_uniform_response(scene) {
-        parts.extend(areas.map(|light| light.most_of_cells(CELL)));
+        parts.extend(areas.map(|light| light.max_of_cells(CELL)));
     } else {
         parts.extend(light_of_cells(scene, areas.into_iter().map(Lit::from)));
     }
@@ -49,7 +49,7 @@ fn has_uniform_response(scene: &Scene) -> bool {
 /// [`lit_e`] of one area source.
 pub fn area_lit_e(scene: &Scene, area: &AreaLight) -> Vec<f64> {
     if has_uniform_response(scene) {
-        area.most_of_columns()
+        area.max_of_columns()
     } else {
         lit_e(scene, area.light().into_iter().map(Lit::from))
     }
@@ -77,7 +77,7 @@ pub fn transfer_smear_of(scene: &Scene, area: &AreaLight) -> Vec<f64> {
 
 /// The least charge of a pixel of each column from the area sources in `parts`, at the least
 /// response, e-; empty without area sources.
-pub fn areas_floor_e(scene: &Scene, parts: &EffectSet) -> Vec<f64> {
+pub fn areas_min_e(scene: &Scene, parts: &EffectSet) -> Vec<f64> {
     let width = scene.view.camera.detector.width;
     let mut floors = Vec::new();
     let both = scene.areas.iter().filter(|area| parts.has(area.effect));
@@ -93,7 +93,7 @@ pub fn areas_floor_e(scene: &Scene, parts: &EffectSet) -> Vec<f64> {
 }
 
 /// The least charge of a pixel from an area source, e-.
-pub fn least_e(scene: &Scene, area: &AreaLight) -> f64 {
-    let least = area.floor_e().reduce(f32::min).unwrap_or(0.0);
-    f64::from(least) * (2.0 - scene.responds())
+pub fn min_charge_e(scene: &Scene, area: &AreaLight) -> f64 {
+    let min_e = area.floor_e().reduce(f32::min).unwrap_or(0.0);
+    f64::from(min_e) * (2.0 - scene.responds())
 }

@@ -14,12 +14,12 @@ pub const CELL: usize = 8;
 
 /// Number of parts into which a scene's lights are divided, and least number of lights of a part.
 const PARTS: usize = 4;
-const FEW: usize = 256;
+const MIN_LIGHTS: usize = 256;
 /// Lights of at least so many pixels are divided into bands of so many rows.
 const WIDE: usize = 1 << 16;
 const BAND: usize = 16 * CELL;
 
-/// Least number of rows of cells for a thread of its own.
+/// Least number of rows of cells for a task.
 const ROWS: usize = 32;
 
 /// The factor of a pixel's light, by row-major index.
@@ -47,7 +47,7 @@ pub fn cells_of<'a>(
         lights.partition(|light| light.footprint.shares().len() >= WIDE);
     // The sums do not depend on the number of threads.
     let all = 0..detector.height;
-    let parts = lights.par_chunks(lights.len().div_ceil(PARTS).max(FEW));
+    let parts = lights.par_chunks(lights.len().div_ceil(PARTS).max(MIN_LIGHTS));
     let mut parts: Vec<Vec<f64>> = parts
         .map(|lights| cells_e(detector, lights, weight, all.clone(), limit))
         .collect();

@@ -129,8 +129,8 @@ impl Image<'_> {
         let mut at = |px: f64| self.psf.on_pixel([px, 0.0], &mut stamp);
         // Further out there may be a ring.
         let rings = [0.0, 0.5, 1.0, 2.0].map(|further| at(from_px + further));
-        let most = rings.into_iter().fold(0.0, f64::max);
-        e * (most / at(0.0)).min(1.0)
+        let max = rings.into_iter().fold(0.0, f64::max);
+        e * (max / at(0.0)).min(1.0)
     }
 
     /// Light at the edge of the wings, which end at whole pixels: it appears or vanishes if an
@@ -301,9 +301,7 @@ pub fn rolled(scene: &Scene, image: &Image<'_>, length_px: f64) -> (f64, f64) {
     let half_rows = (camera.detector.height as f64 - 1.0) / 2.0;
     let row_s = camera.readout_s() / (2.0 * half_rows).max(1.0);
     let from_middle = [source.start, source.end, source.centroid].map(|at| at[1] - half_rows);
-    let furthest = from_middle
-        .iter()
-        .fold(0.0, |most: f64, y| most.max(y.abs()));
+    let furthest = from_middle.iter().fold(0.0, |max: f64, y| max.max(y.abs()));
     // Its wings reach further rows.
     let rows = (furthest + 5.0 * image.core_px).min(half_rows);
     // Margin for uneven motion.
@@ -326,8 +324,8 @@ pub fn dimming_px(scene: &Scene) -> f64 {
                 let [[from, a], [to, b]] = [ends[0], ends[1]];
                 (b - a).abs() / (to - from)
             });
-            let [least, _] = vignetting.range(field);
-            slopes.fold(0.0, f64::max) / least.max(f64::MIN_POSITIVE)
+            let [min, _] = vignetting.range(field);
+            slopes.fold(0.0, f64::max) / min.max(f64::MIN_POSITIVE)
         }
     };
     // With distortion the angle of a pixel may exceed that of the focal length.

@@ -46,7 +46,7 @@ pub fn changed_e(
         else {
             return 0.0;
         };
-        max_e = part.all().min(scene.blooming.most_e);
+        max_e = part.all().min(scene.blooming.max_e);
         let row = if part.overflows {
             peak.max_bound.1
         } else {
@@ -90,7 +90,7 @@ impl Part {
             peak.bound * responds + smear * peak.all[1],
         ];
         let fills = scene.simulated.has(EffectId::FullWell)
-            && scene.fullest_e(column) + known + bound >= detector.full_well_e;
+            && scene.brightest_of_cells(column) + known + bound >= detector.full_well_e;
         let spills = fills && scene.blooming.along;
         let own = Part {
             known,
@@ -106,15 +106,16 @@ impl Part {
             },
             None => own,
             Some(filled) => {
-                let most = peak.max_bound.0;
+                let max_bound = peak.max_bound.0;
                 let passed = if spills {
-                    (most * filled.full).min(peak.all[1])
+                    (max_bound * filled.full).min(peak.all[1])
                 } else {
                     0.0
                 };
                 Part {
                     known: filled.change_e,
-                    bound: (most + passed) * responds + smear * peak.all[1] * (1.0 + filled.full),
+                    bound: (max_bound + passed) * responds
+                        + smear * peak.all[1] * (1.0 + filled.full),
                     overflows: true,
                     ..own
                 }

@@ -3,7 +3,7 @@
 //! The charge of columns that may fill up is computed pixel by pixel, with an effect and without
 //! it. In other columns a pixel has its own change.
 
-use super::brightest::{areas_floor_e, least_e};
+use super::brightest::{areas_min_e, min_charge_e};
 use super::cells::CELL;
 use crate::camera::{Blooming, Detector};
 use crate::kernels::Bloom;
@@ -23,7 +23,7 @@ pub fn find_blooming(scene: &Scene) -> BloomingColumns {
         events[pixel as usize % detector.width] += f64::from(e);
     }
     let fills = |column: &usize| drawn_e(scene.brightest_of(*column)) + events[*column] >= full_e;
-    let may = drawn_e(scene.brightest_e()) + scene.struck.most_e() >= full_e;
+    let may = drawn_e(scene.brightest_e()) + scene.struck.max_e() >= full_e;
     // By whole cells, so that the bounds of other cells hold for all other columns.
     let cells = |column: &usize| {
         let past = (column + CELL).min(detector.width);
@@ -35,7 +35,7 @@ pub fn find_blooming(scene: &Scene) -> BloomingColumns {
         .flat_map(|column| column..(column + CELL).min(detector.width));
     BloomingColumns {
         // Blooming moves whole electrons: one more is possible.
-        most_e: if simulated.has(EffectId::FullWell) {
+        max_e: if simulated.has(EffectId::FullWell) {
             full_e + 1.0
         } else {
             f64::INFINITY
@@ -48,14 +48,14 @@ pub fn find_blooming(scene: &Scene) -> BloomingColumns {
 
 fn flood(scene: &Scene) -> Option<EffectId> {
     let full_e = flooding_e(&scene.view.camera.detector);
-    let floods = |area: &&AreaLight| area.most_e >= full_e && least_e(scene, area) >= full_e;
+    let floods = |area: &&AreaLight| area.max_e >= full_e && min_charge_e(scene, area) >= full_e;
     let areas = scene
         .areas
         .iter()
         .filter(|_| scene.simulated.has(EffectId::FullWell));
     let floods = areas.filter(floods);
-    let most = floods.max_by(|a, b| a.electrons.total_cmp(&b.electrons))?;
-    Some(most.effect)
+    let brightest = floods.max_by(|a, b| a.electrons.total_cmp(&b.electrons))?;
+    Some(brightest.effect)
 }
 
 /// Limits the charge of a column to what its pixels hold, e-.
@@ -125,20 +125,20 @@ pub fn final_change_e(scene: &Scene, cells_e: impl FnOnce() -> Vec<f64>, effect:
         .iter()
         .enumerate()
         .filter(|(cell, _)| !blooming.has(cell * CELL));
-    let most = elsewhere.map(|(_, e)| *e).fold(0.0, f64::max);
+    let max_e = elsewhere.map(|(_, e)| *e).fold(0.0, f64::max);
     if blooming.columns.is_empty() {
-        return most;
+        return max_e;
     }
     let without = scene.simulated.without(effect);
     // A change is invisible where all pixels are full with and without the effect.
     let full_e = flooding_e(&scene.view.camera.detector);
-    let floor_e = areas_floor_e(scene, &without);
+    let floor_e = areas_min_e(scene, &without);
     let stay_full = without.has(EffectId::FullWell) && scene.simulated.has(EffectId::FullWell);
     let columns = blooming.columns.iter().copied();
     let columns: Vec<usize> = columns
         .filter(|column| !(stay_full && floor_e.get(*column).is_some_and(|e| *e >= full_e)))
         .collect();
-    most.max(greatest(scene, &columns, |columns| {
+    max_e.max(greatest(scene, &columns, |columns| {
         let [with, without] = [&scene.simulated, &without].map(|of| held_e(scene, columns, of));
         max_difference(&with, &without)
     }))
