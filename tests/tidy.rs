@@ -1,4 +1,5 @@
-//! What the code promises about itself: imports point down, dependencies stay in their rooms, the registries are in order, files are short, nothing panics.
+//! Rules for the code: imports point down, dependencies stay in their rooms, the registries are in
+//! order, files are short, nothing panics.
 
 #[path = "tidy/circles.rs"]
 mod circles;
@@ -273,7 +274,7 @@ fn point_down(folder: &str, layers: Layers) {
                 wrong.push(format!("{folder}/{file}.rs imports {used:?}"));
             }
         }
-        // One step up leads from a module's head to the root of all, from the files beside it to the head.
+        // `super` of a module's own file is the crate; of its other files, the module.
         let climb = if file == module || file == format!("{module}/mod") {
             "super::"
         } else {

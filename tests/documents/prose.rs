@@ -12,7 +12,6 @@ const MAX_PAGE: usize = 16_384;
 const MAX_COLUMNS: usize = 100;
 const MAX_WORDS: usize = 35;
 
-
 /// The Markdown files below a folder, by their paths from the root.
 fn below(folder: &str) -> Vec<String> {
     let mut found = Vec::new();

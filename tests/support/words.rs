@@ -10,7 +10,6 @@ const AVOIDED: &[(&str, &str)] = &[
     ("departed", "sent"),
     ("drowned", "below the noise"),
     ("fleet", "population"),
-    ("he", "it"),
     ("heard", "received"),
     ("hears", "receives"),
     ("judge", "assess"),
@@ -27,7 +26,6 @@ const AVOIDED: &[(&str, &str)] = &[
     ("spoilt", "corrupted"),
     ("told", "reported"),
     ("wanderer", "planet"),
-    ("way", "path, distance, direction or method"),
     ("who", "which"),
     ("whoever", "any client"),
 ];

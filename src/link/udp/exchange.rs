@@ -18,7 +18,6 @@ pub(super) struct Exchange {
     prover: Prover,
     /// A Challenge for another address than the client's. It is sent before any other.
     for_other: Option<(SocketAddr, Vec<u8>)>,
-    /// Rate limit of messages about strangers.
     strangers: Every,
     options: Options,
     pub tally: Arc<Tally>,
