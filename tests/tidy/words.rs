@@ -1,10 +1,10 @@
 //! Comments and identifiers use plain words, and comments fit in 100 columns.
 
 use super::{files, is_rust, name, root};
-use words::avoided;
+use vocabulary::avoided;
 
 #[path = "../support/words.rs"]
-mod words;
+mod vocabulary;
 
 /// Columns of a line that is a comment; links and tables may be longer.
 const MAX_COLUMNS: usize = 100;

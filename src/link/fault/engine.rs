@@ -86,7 +86,7 @@ impl<T: Damageable> Faults<T> {
             return Pushed::Full;
         }
         let Some(bytes) = item.bytes().map(<[u8]>::to_vec) else {
-            self.line.put(item, now, Order::InOrder);
+            self.line.put(item, now, Order::Sequential);
             return Pushed::Taken;
         };
         self.observe(&item, now);
@@ -135,7 +135,7 @@ impl<T: Damageable> Faults<T> {
             return Pushed::Full;
         }
         self.number += 1;
-        self.line.put(item, now, Order::InOrder);
+        self.line.put(item, now, Order::Sequential);
         Pushed::Taken
     }
 

@@ -36,7 +36,7 @@ impl ItemState {
             bytes,
             later: Duration::ZERO,
             twice: false,
-            order: Order::InOrder,
+            order: Order::Sequential,
         }
     }
 

@@ -12,7 +12,7 @@ const HOLD: Duration = Duration::from_millis(50);
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Order {
     /// After all earlier items in order.
-    InOrder,
+    Sequential,
     /// By its due time alone; it may overtake.
     Free,
     /// After the next item.
@@ -52,7 +52,7 @@ impl<T> Line<T> {
                 return;
             }
             Order::Free => self.insert(item, due),
-            Order::InOrder | Order::Swapped => {
+            Order::Sequential | Order::Swapped => {
                 self.last = self.last.max(due);
                 self.insert(item, self.last);
             }
@@ -105,13 +105,13 @@ mod tests {
     #[test]
     fn order_is_preserved_when_the_delay_shrinks() {
         let mut line = Line::new();
-        line.put(1, ms(20), Order::InOrder);
-        line.put(2, ms(5), Order::InOrder);
+        line.put(1, ms(20), Order::Sequential);
+        line.put(2, ms(5), Order::Sequential);
         assert_eq!(line.next_due(), Some(ms(20)));
         assert!(due(&mut line, ms(19)).is_empty());
         assert_eq!(due(&mut line, ms(20)), [1, 2]);
         // Free items leave at their due time; equal ones in order of arrival.
-        line.put(3, ms(40), Order::InOrder);
+        line.put(3, ms(40), Order::Sequential);
         line.put(4, ms(30), Order::Free);
         line.put(5, ms(30), Order::Free);
         assert_eq!(due(&mut line, ms(30)), [4, 5]);
@@ -122,8 +122,8 @@ mod tests {
     fn swapped_item_follows_the_next_or_leaves_alone() {
         let mut line = Line::new();
         line.put(1, ms(10), Order::Swapped);
-        line.put(2, ms(12), Order::InOrder);
-        line.put(3, ms(13), Order::InOrder);
+        line.put(2, ms(12), Order::Sequential);
+        line.put(3, ms(13), Order::Sequential);
         assert_eq!(due(&mut line, ms(13)), [2, 1, 3]);
         // Two in a row: the second overtakes the first.
         line.put(4, ms(20), Order::Swapped);
@@ -142,7 +142,7 @@ mod tests {
         // Three times the capacity, half of it in the ring at a time.
         for i in 0..3 * CAPACITY as u32 {
             let now = ms(u64::from(i));
-            line.put(i, now + ms(CAPACITY as u64 / 2), Order::InOrder);
+            line.put(i, now + ms(CAPACITY as u64 / 2), Order::Sequential);
             out.extend(due(&mut line, now));
             assert!(line.len() <= CAPACITY / 2 && line.room() >= CAPACITY / 2);
         }
