@@ -191,8 +191,8 @@ fn udp_carries_the_loop() {
     assert_eq!(counts, (3, 0, 0), "{events:?}");
 }
 
-/// Runs 8 attitudes at 20 Hz by the wall clock against an emulator of small frames. Returns its
-/// report and events.
+/// Runs 8 attitudes at 20 Hz by the wall clock against an emulator of small frames. Returns
+/// its report and events, and the emulator.
 fn run_by_the_wall_clock(mut emulator: Emulator) -> (Report, Vec<String>, Emulator) {
     (emulator.field.width, emulator.field.height) = (64, 64);
     let mission = Mission {

@@ -253,6 +253,7 @@ impl Reader {
 
     /// Whether the quaternion rotates from REF_FRAME_A to REF_FRAME_B, and whether its scalar comes
     /// first. Version 1.0 has keywords for both; version 2.0 fixes A to B and the scalar last
+    /// (504.0-B-2, tables 4-3 and 4-4).
     fn order(&self, meta: &Meta) -> At<(bool, bool)> {
         let one_of = |key: &str, yes: &str, no: &str| match meta.find(key) {
             None => Ok(None),

@@ -28,7 +28,7 @@ impl Loaded {
         Ok((self.objects.swap_remove(index), self.rejected))
     }
 
-    /// [`Loaded::pick`] by reference.
+    /// [`Loaded::pick`] by reference, with the same errors.
     pub fn find(&self, name: Option<&str>) -> Result<&Object, String> {
         Ok(&self.objects[self.index_of(name)?])
     }

@@ -23,6 +23,10 @@ pub enum Theory {
 
 impl Theory {
     /// From the value of MEAN_ELEMENT_THEORY.
+    ///
+    /// # Errors
+    ///
+    /// The reason why SGP4 cannot propagate the elements, and the remedy.
     pub(crate) fn parse(text: &str) -> Result<Self, String> {
         let letters = text.chars().filter(char::is_ascii_alphanumeric);
         let letters: String = letters.map(|c| c.to_ascii_uppercase()).collect();
@@ -50,6 +54,10 @@ impl Theory {
 }
 
 /// The ephemeris type of a supported set: 0, or 1 to 3 in old sets.
+///
+/// # Errors
+///
+/// The reason why SGP4 cannot propagate the elements, and the remedy.
 pub(crate) fn ephemeris_type(number: u32) -> Result<u8, String> {
     match number {
         0..=3 => Ok(number as u8),

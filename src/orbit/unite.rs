@@ -96,7 +96,11 @@ pub fn unite(mut sources: Vec<Source>) -> United {
 }
 
 impl United {
-    /// Adds an object of a source, unless it has another orbit of another kind.
+    /// Adds an object of a source.
+    ///
+    /// # Errors
+    ///
+    /// The reason why its orbit cannot be combined with an earlier one of the same object.
     fn add(
         &mut self,
         mut object: Object,

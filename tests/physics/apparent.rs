@@ -257,7 +257,7 @@ fn objects_agree_with_a_barycentric_library() {
 
 #[test]
 fn light_time_and_aberration_cancel_for_neighbours_in_step() {
-    // Two satellites in uniform motion side by side: their relative motion is zero.
+    // Two satellites in uniform motion side by side: both are at rest in their own frame.
     let epoch = tai("2024-11-05T03:12:45");
     let velocity_m_s = Vector3::new(0.0, 7_500.0, 0.0);
     let observer = observer(epoch, Vector3::new(7e6, 0.0, 0.0), velocity_m_s);

@@ -6,6 +6,7 @@ use std::array;
 use std::collections::BTreeSet;
 use std::f64::consts::PI;
 
+/// One milliarcsecond, rad.
 const MAS: f64 = PI / 648_000_000.0;
 
 fn hipparcos() -> Catalog {

@@ -119,7 +119,7 @@ fn bad_channel(parameters: Parameters, damage: Damage, seed: u64) {
     }
     let counts = [bus.counts(0), bus.counts(1)];
     let sum = |of: fn(&Counts) -> u32| counts.iter().map(of).sum::<u32>();
-    let expected = [
+    let occurred = [
         sum(|c| c.incomplete),
         sum(|c| c.ignored),
         sum(|c| c.sequence_errors),
@@ -130,7 +130,7 @@ fn bad_channel(parameters: Parameters, damage: Damage, seed: u64) {
         },
     ];
     assert!(
-        expected.iter().all(|count| *count > 0),
+        occurred.iter().all(|count| *count > 0),
         "{damage:?} {counts:?}"
     );
     assert_eq!(sum(|c| c.oversize), 0, "{damage:?}");

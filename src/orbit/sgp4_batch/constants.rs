@@ -111,6 +111,10 @@ const LONGEST: usize = 640;
 
 impl ModelConstants {
     /// Reads the constants of the crate.
+    ///
+    /// # Errors
+    ///
+    /// The crate writes them in another form.
     pub fn of(constants: &sgp4::Constants) -> Result<ModelConstants, ModelError> {
         let mut bytes = [0; LONGEST];
         let unread = |error: postcard::Error| ModelError::new(error.to_string());

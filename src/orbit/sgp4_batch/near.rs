@@ -1,8 +1,8 @@
 //! Near-Earth orbits (periods below 225 min) with drag. Source: Vallado et al., AIAA 2006-6753;
 //! names are those of the `sgp4` crate.
 //!
-//! Orbits with perigees below 220 km and near-circular orbits have fewer drag terms. The others get
-//! coefficients of 0, so that one formula serves all orbits.
+//! Orbits with perigees below 220 km and near-circular orbits have fewer drag terms. The missing
+//! terms get coefficients of 0, so that one formula serves all orbits.
 
 use super::constants::{Elliptic, High, Method, ModelConstants};
 use super::lanes::{Lanes, Part, Row};

@@ -23,6 +23,10 @@ pub(crate) enum Site {
 
 impl Site {
     /// The kind of an orbit, by the bounds of Vallado et al., AIAA 2006-6753.
+    ///
+    /// # Errors
+    ///
+    /// The model cannot start from the elements.
     pub fn of(elements: &Elements) -> Result<Site, ModelError> {
         let orbit = elements.orbit()?;
         let n = orbit.mean_motion;
@@ -39,6 +43,10 @@ impl Site {
     }
 
     /// The SGP4 constants of an orbit of this kind.
+    ///
+    /// # Errors
+    ///
+    /// The model cannot start from the elements, or the `sgp4` crate assigns another kind.
     pub fn constants(self, elements: &Elements) -> Result<ModelConstants, ModelError> {
         let constants = ModelConstants::of(&elements.constants()?)?;
         let theirs = match &constants.method {

@@ -85,6 +85,7 @@ fn an_object_does_not_depend_on_the_rest_of_the_batch() {
                 let mut batch = Batch::new(&shuffled).unwrap();
                 batch.set_level(level);
                 let found = after(&mut batch, minutes);
+                assert_eq!(found.len(), order.len());
                 for (found, i) in found.into_iter().zip(order) {
                     assert_eq!(found, expected[i], "{:?} at {minutes} min", sets[i]);
                 }
@@ -111,6 +112,7 @@ fn failures_do_not_change_other_objects() {
             let order: Vec<usize> = valid.iter().flat_map(|i| [*i, bad]).collect();
             let mixed: Vec<Elements> = order.iter().map(|i| sets[*i]).collect();
             let found = after(&mut Batch::new(&mixed).unwrap(), minutes);
+            assert_eq!(found.len(), order.len());
             for (found, i) in found.into_iter().zip(order) {
                 assert_eq!(found, expected[i], "{:?} at {minutes} min", sets[i]);
             }
@@ -129,14 +131,14 @@ fn earlier_calls_do_not_change_results() {
     let minutes = minutes.chain(steps.map(|step| f64::from(step) * 73.0 - 3000.0));
 
     let fresh = Batch::new(&sets()).unwrap();
-    let mut requested: Vec<Batch> = Vec::new();
+    let mut used: Vec<Batch> = Vec::new();
     for level in Level::available() {
-        requested.push(fresh.clone());
-        requested.last_mut().unwrap().set_level(level);
+        used.push(fresh.clone());
+        used.last_mut().unwrap().set_level(level);
     }
     for minutes in minutes {
         let expected = after(&mut fresh.clone(), minutes);
-        for batch in &mut requested {
+        for batch in &mut used {
             let found = after(batch, minutes);
             assert!(found == expected, "{} at {minutes} min", batch.level());
         }

@@ -37,7 +37,7 @@ fn ids(config: &Config) -> Vec<&str> {
 
 #[test]
 fn an_ephemeris_and_element_sets_of_one_object_are_refused() {
-    // International designator, catalogue number, and the name of an element set.
+    // International designator, catalogue number, and the id of an element set.
     for id in ["1958-002B", "5", "NORAD 5"] {
         for files in [
             "\"both.tle\", \"active.oem\"",

@@ -89,7 +89,6 @@ fn object_of(mag: f64, noise: bool) -> ExposedFrame {
 
 /// Reference: Pogson's law, `10^(-0.4 m)`, from the object of magnitude 5; 1e-9. An object that
 /// saturates all its pixels is listed, with the reason for its missing signal-to-noise ratio.
-/// it has no signal-to-noise ratio.
 #[test]
 fn magnitudes_from_minus_30_to_40_overflow_nowhere() {
     let five = object_of(5.0, false).label.objects[0].electrons;
