@@ -100,7 +100,7 @@ fn late_frames_follow_the_policy_and_are_reported() {
         (json!("coarsen"), coarsest()),
         (json!("late"), coarsest()),
         (json!("late"), coarsest()),
-        // X-Val: docs/how-to/accuracy-and-time.md: after four exposures a slower setting is tried.
+        // X-Val: docs/how-to/accuracy-and-time.md: what was too slow is tried again after four.
         (Value::Null, realtime()),
     ];
     // X-Val: docs/how-to/accuracy-and-time.md: after four exposures, and twice as many each time.
