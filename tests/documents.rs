@@ -339,7 +339,7 @@ fn the_page_of_links_has_the_time_of_each_output_level() {
         assert_eq!(levels.lines().count(), rows.len() + 1, "{levels}");
         for (row, line) in rows.iter().zip(levels.lines().skip(1)) {
             let printed = line.trim().strip_prefix(row[0]).expect(line);
-            let seconds = format!(" octets {:>10} s ", row[column]);
+            let seconds = format!(" bytes {:>10} s ", row[column]);
             assert!(
                 printed.contains(&seconds),
                 "{link}: the page has {seconds:?}, the program{printed}"

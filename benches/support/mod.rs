@@ -11,7 +11,7 @@ pub fn report<R: Report>(more: &[Row]) -> ExitCode {
     let mut broken = report.broken();
     broken.extend(more.iter().filter_map(Row::broken));
     for promise in &broken {
-        println!("NOT kept: {promise}");
+        println!("NOT met: {promise}");
     }
     if broken.is_empty() {
         println!("all promises kept");

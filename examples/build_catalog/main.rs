@@ -156,8 +156,8 @@ fn report(sky: &Sky, entries: usize, tally: &Tally, pairs: usize) {
 fn list(sky: &Sky, tally: &Tally) {
     for (b, why) in &sky.matching.alone {
         let why = match why {
-            Why::NoEntry => "no Hipparcos entry beside it",
-            Why::FluxExcludesIt => "the entry beside it does not hold its light",
+            Why::NoEntry => "no Hipparcos entry near it",
+            Why::FluxExcludesIt => "the entry near it does not hold its light",
         };
         println!("alone: HR {} V {:.2}: {why}", sky.bsc[*b].hr, sky.bsc[*b].v);
     }

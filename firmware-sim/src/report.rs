@@ -208,7 +208,7 @@ impl fmt::Display for Report {
                 "last block after p50 {p50:.2} ms, p99 {p99:.2} ms, max {max:.2} ms"
             )?;
         }
-        writeln!(f, "{timings}received         {bytes} octets{contents}")?;
+        writeln!(f, "{timings}received         {bytes} bytes{contents}")?;
         write!(f, "{totals}")?;
         if let Some(control) = &self.control {
             write!(f, "{control}")?;
@@ -267,7 +267,7 @@ impl Report {
             let failed = format!("{refused} too late, {damaged} damaged on the way there");
             writeln!(
                 f,
-                "asked again      {requested} times, {recovered} packets came; {again}; {failed}"
+                "requested again  {requested} times, {recovered} packets came; {again}; {failed}"
             )?;
         }
         Ok(())

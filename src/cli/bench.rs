@@ -180,7 +180,7 @@ mod tests {
         }
         let broken: Vec<&str> = text
             .lines()
-            .filter(|line| line.ends_with("NOT kept"))
+            .filter(|line| line.ends_with("NOT met"))
             .collect();
         assert!(
             broken.len() == 1 && broken[0].starts_with("smear"),

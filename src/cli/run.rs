@@ -138,7 +138,7 @@ fn open_links(
     let options = live::link_options(&config.run, Some(instruments.bus()));
     let first = instruments.around(link::open_all(urls, &options).context(key)?)?;
     let further = config.cameras.iter().map(|head| {
-        let context = || format!("head {} beside {}", head.name, urls.join(" and "));
+        let context = || format!("head {} next to {}", head.name, urls.join(" and "));
         link::open_further(&head.links, &options).with_context(context)
     });
     let further: Vec<_> = further.collect::<Result<_, _>>()?;

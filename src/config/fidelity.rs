@@ -112,7 +112,7 @@ pub fn step_form() -> String {
 /// The steps of `run.coarsen`: presets and tolerances.
 pub fn steps(texts: &[String], check: &Check) -> Result<Vec<Coarser>, ConfigError> {
     if texts.is_empty() {
-        let allowed = "at least one preset or knob, such as [\"fast\"]";
+        let allowed = "at least one preset or tolerance, such as [\"fast\"]";
         return Err(check.refuse("run.coarsen", "[]", allowed));
     }
     let step = |(i, text): (usize, &String)| {
@@ -123,7 +123,7 @@ pub fn steps(texts: &[String], check: &Check) -> Result<Vec<Coarser>, ConfigErro
         let Some((name, given)) = text.split_once('=') else {
             let names: Vec<_> = PRESETS.iter().map(|(name, _)| *name).collect();
             let allowed = format!(
-                "one of {}, or a knob such as \"wing_e = 0.5\"",
+                "one of {}, or a tolerance such as \"wing_e = 0.5\"",
                 names.join(", ")
             );
             return Err(check.refuse(&key, format!("{text:?}"), allowed));
@@ -131,7 +131,7 @@ pub fn steps(texts: &[String], check: &Check) -> Result<Vec<Coarser>, ConfigErro
         let (name, given) = (name.trim(), given.trim());
         let tolerance = Tolerance::named(name).ok_or_else(|| {
             let names: Vec<&str> = TOLERANCES.iter().map(|tolerance| tolerance.name).collect();
-            let reason = format!("unknown knob `{name}`{}", advice(name, &names));
+            let reason = format!("unknown tolerance `{name}`{}", advice(name, &names));
             check.explain(&key, reason)
         })?;
         let raw = match given.parse() {

@@ -54,7 +54,7 @@ fn exactly_the_faults_of_a_scene_are_reported() {
                 "run.coarsen[0] = \"a\": must be one of fast,",
                 "run.coarsen[2]: wing_e = -1: must be",
                 "run.coarsen[3]: must be a text in quotes, not 7",
-                "run.coarsen[4]: unknown knob `wing_ee`: did you mean `wing_e`?",
+                "run.coarsen[4]: unknown tolerance `wing_ee`: did you mean `wing_e`?",
             ],
         ),
         (
@@ -145,8 +145,8 @@ fn exactly_the_faults_of_a_scene_are_reported() {
         (
             sequence("radec = [1.0, 2.0, 3.0]\nnadir = true\nlook_at = \"Sun\""),
             &[
-                "sequence.nadir: given beside sequence.radec: leave one of them out",
-                "sequence.look_at: given beside sequence.radec: leave one of them out",
+                "sequence.nadir: given with sequence.radec: leave one of them out",
+                "sequence.look_at: given with sequence.radec: leave one of them out",
             ],
         ),
         // The other keys are checked with a faulty preset, too.

@@ -95,7 +95,7 @@ impl Granted {
 impl fmt::Display for Granted {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         if self.grants.is_empty() {
-            return f.write_str("none asked for");
+            return f.write_str("none requested");
         }
         let grants: Vec<String> = self.grants.iter().map(Grant::to_string).collect();
         f.write_str(&grants.join("; "))
@@ -164,7 +164,7 @@ use linux as system;
 /// Systems without these settings.
 #[cfg(not(target_os = "linux"))]
 mod system {
-    const WHY: &str = "this system is not asked: run on Linux";
+    const WHY: &str = "not supported on this system: run on Linux";
 
     pub(super) fn schedule(_priority: u8) -> Result<(), String> {
         Err(WHY.to_string())
@@ -226,7 +226,7 @@ mod tests {
         assert!(Requested::default().is_nothing());
         let none = ask(&Requested::default());
         assert!(none.grants.is_empty() && none.is_all());
-        assert_eq!(none.to_string(), "none asked for");
+        assert_eq!(none.to_string(), "none requested");
     }
 
     #[test]

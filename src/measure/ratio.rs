@@ -147,7 +147,7 @@ impl fmt::Display for Row {
 }
 
 pub(super) fn mark(is_met: bool) -> &'static str {
-    if is_met { "" } else { "  NOT kept" }
+    if is_met { "" } else { "  NOT met" }
 }
 
 pub(super) fn with_threads<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) -> T {
@@ -244,7 +244,7 @@ mod tests {
             let row = of(ratio, least, most);
             assert_eq!(row.is_met(), is_met, "{ratio} {least:?} {most:?}");
             assert_eq!(row.broken().is_none(), is_met, "{ratio} {least:?} {most:?}");
-            assert_eq!(row.to_string().ends_with("NOT kept"), !is_met);
+            assert_eq!(row.to_string().ends_with("NOT met"), !is_met);
         }
     }
 

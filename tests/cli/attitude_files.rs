@@ -106,7 +106,7 @@ fn invalid_attitude_files_are_refused_with_a_reason() {
         ("attitude_file = \"none\"", "sequence.attitude_file: "),
         (
             BOTH,
-            "sequence.attitude_file: given beside sequence.attitudes: leave one of them out",
+            "sequence.attitude_file: given with sequence.attitudes: leave one of them out",
         ),
         ("", "sequence: give one of attitudes"),
     ];

@@ -120,7 +120,7 @@ fn all_faults_of_a_file_are_reported_at_once() {
         "optics.psf.fwhm_px = 0: must be",
         "optics.psf.beta = 0: must be",
         "optics.vignetting.table[0][1] = 2: must be",
-        "optics.vignetting.cos4: given beside optics.vignetting.table",
+        "optics.vignetting.cos4: given with optics.vignetting.table",
         "detector.adc_bits = 99",
         "radiation.flux_cm2_s = \"much\"",
         "radiation.thickness_um = 0: must be",

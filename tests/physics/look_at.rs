@@ -172,11 +172,11 @@ fn the_roll_rule_sets_the_image_orientation() {
 /// no line of the file.
 const REFUSED: &str = r#"
 # none | s.toml:1:1: sequence: give one of
-nadir = true\nradec = [0, 0, 0] | sequence.nadir: given beside sequence.radec
-look_at = "Sun"\nnadir = true | sequence.look_at: given beside sequence.nadir
+nadir = true\nradec = [0, 0, 0] | sequence.nadir: given with sequence.radec
+look_at = "Sun"\nnadir = true | sequence.look_at: given with sequence.nadir
 nadir = true\nup = "sun" | sequence.up: goes with sequence.look_at
 look_at = "Sun"\nup = "left" | sequence.up: must be one of "north"
-look_at = "Sun"\nrates_deg_s = [0, 0, 1] | sequence.rates_deg_s: given beside sequence.look_at
+look_at = "Sun"\nrates_deg_s = [0, 0, 1] | sequence.rates_deg_s: given with sequence.look_at
 look_at = "Sum" | sequence.look_at: "Sum" is none of
 radec = [0, 0, 0]\nroll = 1 | sequence.roll: unknown key `roll`: did you mean `roll_deg`?
 look_at = [0, 91] | a declination of -90 to 90 deg

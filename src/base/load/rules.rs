@@ -67,7 +67,7 @@ impl Table<'_, '_> {
             Allowed::NotWithSeveral([key, list])
                 if self.is_set(key) && self.several(list).is_some() =>
             {
-                let reason = format!("given beside several {list}: leave it out");
+                let reason = format!("given with several {list}: leave it out");
                 Err(self.error(key, reason, &[&self.key_of(list)]))
             }
             Allowed::EachOfSeveral([list, key]) => self.each_has(list, key),
@@ -88,7 +88,7 @@ impl Table<'_, '_> {
 
     fn both_given(&self, name: &str, other: &str) -> ConfigError {
         let other = self.key_of(other);
-        let reason = format!("given beside {other}: leave one of them out");
+        let reason = format!("given with {other}: leave one of them out");
         self.check.explain(&self.key_of(name), reason)
     }
 

@@ -149,7 +149,7 @@ pub fn table(wire: &Wire, roles: Roles, camera: &Camera, output: &Output) -> Str
             let s = time.as_secs_f64();
             let name = name(&level);
             text += &format!(
-                "  {name:45} {bytes:>9} octets  {s:>9.3} s  {:>8.2} Hz\n",
+                "  {name:45} {bytes:>9} bytes  {s:>9.3} s  {:>8.2} Hz\n",
                 1.0 / s
             );
         }

@@ -268,7 +268,7 @@ pub(super) fn resend(
     let max = (count as usize).min(channel.room());
     let Some(packets) = channel.exchange.packets_of(frame) else {
         return Err(Refusal::value(format!(
-            "Resend.frame = {frame}: only the packets of the last two frames are kept"
+            "Resend.frame = {frame}: only the packets of the last two frames are stored"
         )));
     };
     let packets = packets.iter().skip(first as usize).take(max);

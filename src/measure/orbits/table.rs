@@ -88,7 +88,7 @@ mod tests {
         };
         let marked = |report: &Report| -> Vec<String> {
             let text = report.to_string();
-            let lines = text.lines().filter(|line| line.contains("NOT kept"));
+            let lines = text.lines().filter(|line| line.contains("NOT met"));
             lines
                 .map(|line| line.split(' ').next().unwrap_or_default().to_string())
                 .collect()

@@ -72,7 +72,7 @@ pub(super) fn none_lit(scene: &Scene, what: &str, kind: EffectId) -> String {
     } else if sources.iter().all(|s| s.electrons == 0.0) {
         "no light passes the optics there (optics.vignetting)"
     } else {
-        "their light falls beside the pixels"
+        "their light falls outside the frame"
     };
     format!("{all} in the field: {reason}")
 }

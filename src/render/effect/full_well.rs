@@ -53,7 +53,7 @@ fn assess<'s>(scene: &'s Scene, _: &Fidelity) -> (Assessment<'s>, Pass<'s>) {
         ))
     } else {
         let (spilling, ns) = if spills {
-            (", and spill along its column", 0.3)
+            (", and bloom along its column", 0.3)
         } else {
             ("", 0.2)
         };

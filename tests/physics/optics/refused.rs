@@ -65,7 +65,7 @@ optics.vignetting | table = [[0.0, 1.0], [5.0, 1.1]] | optics.vignetting.table[1
 optics.vignetting | table = [[0.0, 1.0], [5.0]] | optics.vignetting.table[1]: must have 2 values, not 1
 optics.vignetting | table = [[4.0, 1.0], [2.0, 0.5]] | optics.vignetting.table[1] = [2.0, 0.5] | greater angle
 optics.vignetting | table = [] | optics.vignetting.table = []
-optics.vignetting | table = [[0.0, 1.0]]; cos4 = true | optics.vignetting.cos4: given beside optics.vignetting.table
+optics.vignetting | table = [[0.0, 1.0]]; cos4 = true | optics.vignetting.cos4: given with optics.vignetting.table
 optics.stray |  | optics.stray: is empty: set pst = [[angle, transmittance], ...] or sun_exclusion_deg
 optics.stray | pst = [] | optics.stray.pst = [] | at least one [angle, transmittance]
 optics.stray | pst = [[10.0, 0.0]] | optics.stray.pst[0][1] = 0: must be 0.000000000001 to 1

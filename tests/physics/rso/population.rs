@@ -203,9 +203,9 @@ object = "both.tle"\nsphere = {} | 2 usable objects
 files = ["both.tle:5"]\nsphere = {} | whole files
 sphere = {} | give one of object
 files = []\nsphere = {} | give one of object
-one: files = ["one.tle"]\nsphere = {} | .files: given beside objects[0].object
+one: files = ["one.tle"]\nsphere = {} | .files: given with objects[0].object
 one: | says nothing of its objects
-one: sphere = {}\nshape = "thing"\nattitude = { mode = "nadir" } | objects[0].sphere: given beside objects[0].shape
+one: sphere = {}\nshape = "thing"\nattitude = { mode = "nadir" } | objects[0].sphere: given with objects[0].shape
 one: shape = "thing" | objects[0].shape: goes with objects[0].attitude
 one: attitude = { mode = "nadir" } | objects[0].attitude: goes with objects[0].shape
 one: shape = "think"\nattitude = { mode = "nadir" } | .shape = "think" | thing

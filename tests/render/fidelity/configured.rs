@@ -67,8 +67,8 @@ fidelity = "best" | fidelity = "best" | one of fast, realtime, reference
 [fidelity]\norbits = 1 | run.toml:2:10: fidelity.orbits = 1 | one of tracked, exact, scalar
 fidelity = 3 | run.toml:1:12: fidelity: must be one of "fast", "realtime", "reference" or a table of keys | not 3
 [run]\ncoarsen = [] | run.coarsen = [] | at least one
-[run]\ncoarsen = ["faster"] | run.coarsen[0] = "faster" | one of fast, realtime, reference, or a knob
-[run]\ncoarsen = ["fast", "wings_e = 1"] | run.coarsen[1]: unknown knob `wings_e` | `wing_e`
+[run]\ncoarsen = ["faster"] | run.coarsen[0] = "faster" | one of fast, realtime, reference, or a tolerance
+[run]\ncoarsen = ["fast", "wings_e = 1"] | run.coarsen[1]: unknown tolerance `wings_e` | `wing_e`
 [run]\ncoarsen = ["psf_loss = 2"] | run.coarsen[0]: psf_loss = 2 | to 0.01
 [run]\ncoarsen = ["wing_e = much"] | run.coarsen[0]: wing_e = "much" | 0.001 to 1000 e-
 [run]\non_overrun = "hurry" | run.on_overrun: must be | coarsen
