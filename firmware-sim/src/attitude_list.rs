@@ -15,7 +15,7 @@ use crate::text::{parse_quaternion, quaternion};
 pub struct AttitudeList {
     /// In file order. If two segments cover an epoch, the first one is used.
     segments: Vec<Segment>,
-    comments: Vec<String>,
+    remarks: Vec<String>,
 }
 
 /// At least two attitudes, interpolated by slerp.
@@ -96,7 +96,7 @@ impl AttitudeList {
         };
         Ok(Self {
             segments: vec![segment],
-            comments: Vec::new(),
+            remarks: Vec::new(),
         })
     }
 
@@ -135,21 +135,21 @@ impl AttitudeList {
             line,
             reason,
         };
-        let AttitudeMessage { segments, comments } = aem::parse(text).map_err(refused)?;
+        let AttitudeMessage { segments, remarks } = aem::parse(text).map_err(refused)?;
         let segments = segments.iter();
         let segments = segments.map(|segment| Segment::of(segment).map_err(refused));
-        let comments = comments.iter();
-        let comments = comments.map(|(line, comment)| format!("{name}:{line}: {comment}"));
+        let remarks = remarks.iter();
+        let remarks = remarks.map(|(line, remark)| format!("{name}:{line}: {remark}"));
         Ok(Self {
             segments: segments.collect::<Result<_, _>>()?,
-            comments: comments.collect(),
+            remarks: remarks.collect(),
         })
     }
 
     /// One line for each part of the file that is ignored or assumed.
     #[must_use]
-    pub fn comments(&self) -> &[String] {
-        &self.comments
+    pub fn remarks(&self) -> &[String] {
+        &self.remarks
     }
 
     /// Attitude and rates at `epoch`.

@@ -291,8 +291,8 @@ impl Raw {
         let sequence = sequence.map(|s| s.validate(&camera, &objects, check, folder));
         let sequence = sequence.transpose()?;
         let attitude_file = sequence.as_ref().and_then(|s| s.attitude_file.as_ref());
-        let comments = attitude_file.map(AttitudeFile::comments);
-        findings.notices.extend(comments.unwrap_or_default());
+        let remarks = attitude_file.map(AttitudeFile::remarks);
+        findings.notices.extend(remarks.unwrap_or_default());
         Ok(Config {
             seed: raw.seed,
             cameras: heads::validate(raw.heads, &camera, check, folder)?,

@@ -220,12 +220,12 @@ impl RawSequence {
 impl AttitudeFile {
     /// Remarks on the file: ignored data and assumptions, a line each. Faults are reported when the
     /// file is used.
-    pub(super) fn comments(&self) -> Vec<String> {
+    pub(super) fn remarks(&self) -> Vec<String> {
         let Some(Ok(message)) = aem::is_message(&self.text).then(|| aem::parse(&self.text)) else {
             return Vec::new();
         };
-        let comments = message.comments.iter();
-        let lines = comments.map(|(line, comment)| format!("{}:{line}: {comment}", self.name));
+        let remarks = message.remarks.iter();
+        let lines = remarks.map(|(line, remark)| format!("{}:{line}: {remark}", self.name));
         lines.collect()
     }
 }

@@ -26,7 +26,7 @@ pub struct AttitudeMessage {
     /// In the order of the file.
     pub segments: Vec<AttitudeSegment>,
     /// Line numbers and remarks: data that are ignored, values that are assumed.
-    pub comments: Vec<(usize, String)>,
+    pub remarks: Vec<(usize, String)>,
 }
 
 /// Attitudes of one segment; interpolation stays within a segment.
@@ -155,8 +155,8 @@ impl Reader {
             let stop = segment.stop.min(last.epoch);
             Some((time::tai_ns(start), time::tai_ns(stop), segment.line))
         });
-        if let Some((line, comment)) = overlap(spans.collect()) {
-            self.comment(line, comment);
+        if let Some((line, remark)) = overlap(spans.collect()) {
+            self.remark(line, remark);
         }
     }
 
@@ -183,17 +183,17 @@ impl Reader {
         };
         self.check_body(meta.need(body_key)?)?;
         for assumed in [assumed, meta.ut1_step(ut1, stop)?].into_iter().flatten() {
-            self.comment(meta.line, assumed);
+            self.remark(meta.line, assumed);
         }
         if let Some((method, line)) = meta.find("INTERPOLATION_METHOD")
             && !method.eq_ignore_ascii_case("LINEAR")
         {
             let method = shorten(method);
-            let comment = format!(
+            let remark = format!(
                 "INTERPOLATION_METHOD {method}: attitudes are slerped between neighbours instead, which is off by an eighth of \
                  the angular acceleration times the square of their distance in time at most"
             );
-            self.comment(line, comment);
+            self.remark(line, remark);
         }
         Ok(Data {
             clock,
@@ -235,19 +235,19 @@ impl Reader {
             return Err((line, reason));
         };
         if *more > 0 {
-            let comment = format!(
+            let remark = format!(
                 "ATTITUDE_TYPE {name}: attitudes are slerped and have the rates of the slerp, those of the file are not used"
             );
-            self.comment(line, comment);
+            self.remark(line, remark);
         }
         Ok(*more)
     }
 
     /// Adds a remark, once for all segments.
-    fn comment(&mut self, line: usize, comment: String) {
-        let comments = &mut self.message.comments;
-        if comments.iter().all(|(_, known)| *known != comment) {
-            comments.push((line, comment));
+    fn remark(&mut self, line: usize, remark: String) {
+        let remarks = &mut self.message.remarks;
+        if remarks.iter().all(|(_, known)| *known != remark) {
+            remarks.push((line, remark));
         }
     }
 

@@ -23,7 +23,7 @@ pub(crate) struct Segment {
     pub start_ns: i128,
     pub stop_ns: i128,
     /// Line numbers and remarks on assumptions.
-    pub comments: Vec<(usize, String)>,
+    pub remarks: Vec<(usize, String)>,
 }
 
 /// Interpolation and its number of nodes. Near the ends of a segment the nodes lie to one side. A
@@ -96,9 +96,9 @@ impl Ephemeris {
 
     /// Remarks on assumptions, such as the Earth's rotation: the line of the first segment, and the
     /// text.
-    pub fn comments(&self) -> Vec<(usize, &str)> {
+    pub fn remarks(&self) -> Vec<(usize, &str)> {
         let mut all: Vec<(usize, &str)> = Vec::new();
-        for (line, text) in self.segments.iter().flat_map(|segment| &segment.comments) {
+        for (line, text) in self.segments.iter().flat_map(|segment| &segment.remarks) {
             if all.iter().all(|(_, known)| known != text) {
                 all.push((*line, text));
             }

@@ -242,10 +242,10 @@ impl Object {
     }
 
     /// Remarks on assumptions of its ephemeris: lines of the file and texts.
-    pub fn comments(&self) -> Vec<(usize, &str)> {
+    pub fn remarks(&self) -> Vec<(usize, &str)> {
         match &self.orbit {
             Orbit::Elements(..) => Vec::new(),
-            Orbit::Ephemeris(ephemeris) => ephemeris.comments(),
+            Orbit::Ephemeris(ephemeris) => ephemeris.remarks(),
         }
     }
 

@@ -196,9 +196,9 @@ pub fn parse_contents(text: &str, source: &str) -> Result<Contents, LoadError> {
         return Err(LoadError::lost(source, lack(format)));
     }
     all.assumed = theory::assumptions(&all.records, source);
-    let comments = all.ephemerides.iter().flat_map(Object::comments);
-    let comments = comments.map(|(line, comment)| format!("{source}:{line}: {comment}"));
-    all.assumed.extend(comments);
+    let remarks = all.ephemerides.iter().flat_map(Object::remarks);
+    let remarks = remarks.map(|(line, remark)| format!("{source}:{line}: {remark}"));
+    all.assumed.extend(remarks);
     Ok(all)
 }
 

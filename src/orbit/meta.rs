@@ -113,11 +113,11 @@ pub(crate) fn overlap(mut spans: Vec<(i128, i128, usize)>) -> Option<(usize, Str
         0 => String::new(),
         count => format!(" ({count} more overlaps)"),
     };
-    let comment = format!(
+    let remark = format!(
         "the segments of lines {first} and {second} overlap from {start} to {stop}{more}: the earlier in the file is used there; set \
          USEABLE_START_TIME and USEABLE_STOP_TIME"
     );
-    Some((second, comment))
+    Some((second, remark))
 }
 
 impl Meta {
@@ -330,13 +330,13 @@ impl Meta {
             return Err((line, reason));
         }
         let is_assumed = matches!(axes, Axes::EarthFixed { .. }) && ut1.utc_s.is_none();
-        let comment = is_assumed.then(|| {
+        let remark = is_assumed.then(|| {
             format!(
                 "{key} {name} without Earth-orientation data: UT1 is taken as UTC, which turns it by up to 13.5 arcsec (460 m at 7,000 km \
                  from the Earth's centre, 2.8 km at the geostationary belt), and the pole's motion is left out (0.6 arcsec, 20 m and 120 m); \
                  {GIVE_UT1}, or give the data in GCRF"
             )
         });
-        Ok((axes, comment))
+        Ok((axes, remark))
     }
 }

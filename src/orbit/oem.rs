@@ -163,10 +163,10 @@ impl<'a> Messages<'a> {
             let spans = segments
                 .iter()
                 .map(|one| (one.start_ns, one.stop_ns, one.line));
-            if let Some((line, comment)) = overlap(spans.collect())
+            if let Some((line, remark)) = overlap(spans.collect())
                 && let Some(segment) = segments.iter_mut().find(|segment| segment.line == line)
             {
-                segment.comments.push((line, comment));
+                segment.remarks.push((line, remark));
             }
         }
     }
@@ -213,7 +213,7 @@ impl Data {
         let (start, stop) = meta.span(clock)?;
         let (axes, assumed) = meta.axes("REF_FRAME", ut1)?;
         let assumed = assumed.into_iter().chain(meta.ut1_step(ut1, stop)?);
-        let mut comments: Vec<_> = assumed.map(|it| (meta.line, it)).collect();
+        let mut remarks: Vec<_> = assumed.map(|it| (meta.line, it)).collect();
         Ok(Data {
             id: meta.object("OBJECT_ID")?,
             name: meta.object("OBJECT_NAME")?,
@@ -224,10 +224,10 @@ impl Data {
             segment: Segment {
                 line: meta.line,
                 nodes: Vec::new(),
-                method: method(meta, &mut comments)?,
+                method: method(meta, &mut remarks)?,
                 start_ns: time::tai_ns(start),
                 stop_ns: time::tai_ns(stop),
-                comments,
+                remarks,
             },
         })
     }
@@ -284,10 +284,10 @@ impl Data {
         let has = segment.nodes.len();
         let (Method::Lagrange(count) | Method::Hermite(count)) = segment.method;
         if let Some(line) = self.degree_line.filter(|_| has < count) {
-            let comment = format!(
+            let remark = format!(
                 "INTERPOLATION_DEGREE takes {count} states, and the segment has {has}: the degree is lower"
             );
-            segment.comments.push((line, comment));
+            segment.remarks.push((line, remark));
         }
         converge(&mut segment, self.degree_line);
         Ok((self.id, self.name, segment))
@@ -305,18 +305,18 @@ fn converge(segment: &mut Segment, degree_line: Option<usize>) {
     let Some((off_m, lower)) = farthest_m else {
         return;
     };
-    let comment = format!(
+    let remark = format!(
         "interpolation of degree {degree} does not converge on these states (half way between two it is {:.1} km off that of degree \
          {lower}): degree {} is taken; give states at even times, or a lower INTERPOLATION_DEGREE",
         off_m / 1e3,
         segment.method.degree()
     );
     let line = degree_line.unwrap_or(segment.line);
-    segment.comments.push((line, comment));
+    segment.remarks.push((line, remark));
 }
 
 /// The interpolation of the metadata; the defaults are HERMITE and degree 7.
-fn method(meta: &Meta, comments: &mut Vec<(usize, String)>) -> At<Method> {
+fn method(meta: &Meta, remarks: &mut Vec<(usize, String)>) -> At<Method> {
     let mut degree = DEFAULT_DEGREE;
     if let Some((text, line)) = meta.find("INTERPOLATION_DEGREE") {
         let given = text
@@ -335,8 +335,8 @@ fn method(meta: &Meta, comments: &mut Vec<(usize, String)>) -> At<Method> {
     match name.to_ascii_uppercase().as_str() {
         "LINEAR" => {
             if degree > 1 && meta.find("INTERPOLATION_DEGREE").is_some() {
-                let comment = format!("of degree 1, not {degree}: 1 is taken");
-                comments.push((line, format!("INTERPOLATION LINEAR is {comment}")));
+                let remark = format!("of degree 1, not {degree}: 1 is taken");
+                remarks.push((line, format!("INTERPOLATION LINEAR is {remark}")));
             }
             Ok(Method::Lagrange(2))
         }
@@ -346,9 +346,8 @@ fn method(meta: &Meta, comments: &mut Vec<(usize, String)>) -> At<Method> {
             let states = (degree / 2 + 1).max(2);
             let taken = 2 * states - 1;
             if taken != degree {
-                let comment =
-                    format!("of degree 3, 5, 7 and so on, not {degree}: {taken} is taken");
-                comments.push((line, format!("INTERPOLATION HERMITE is {comment}")));
+                let remark = format!("of degree 3, 5, 7 and so on, not {degree}: {taken} is taken");
+                remarks.push((line, format!("INTERPOLATION HERMITE is {remark}")));
             }
             Ok(Method::Hermite(states))
         }

@@ -92,8 +92,8 @@ impl ProfileArgs {
                 anyhow!("cannot read the attitudes in {name}: {error}; --attitudes takes a text file of lines UTC x y z w, or a CCSDS AEM")
             })?;
             let list = AttitudeList::parse(&text, &name)?;
-            for comment in list.comments() {
-                eprintln!("skyloop-fc: {}", printable_line(comment));
+            for remark in list.remarks() {
+                eprintln!("skyloop-fc: {}", printable_line(remark));
             }
             return Ok(Profile::List(list));
         }

@@ -23,9 +23,9 @@ fn only(text: &str) -> Object {
     loaded.objects.remove(0)
 }
 
-fn comments(object: &Object) -> Vec<&str> {
-    let comments = object.comments().into_iter();
-    comments.map(|(_, comment)| comment).collect()
+fn remarks(object: &Object) -> Vec<&str> {
+    let remarks = object.remarks().into_iter();
+    remarks.map(|(_, remark)| remark).collect()
 }
 
 /// Distances in m and m/s from a state in km and km/s.
@@ -91,7 +91,7 @@ fn interpolated_states_agree_with_an_independent_program() {
     for row in compared {
         let meta = meta(&row.method, row.degree);
         let object = orbit(&states, row.step_s, &meta);
-        assert_eq!(comments(&object), [""; 0], "{meta}");
+        assert_eq!(remarks(&object), [""; 0], "{meta}");
         let state = object.state(start() + row.t * Unit::Second).unwrap();
         let (m, m_s) = off(&state, &row.state_km);
         let label = format_args!("{meta}{} s at {}", row.step_s, row.t);
@@ -164,21 +164,21 @@ fn the_velocity_is_the_derivative_of_the_position() {
 #[test]
 fn deviations_from_the_metadata_are_remarked() {
     let (_, states) = rows();
-    for (method, degree, comment) in [
+    for (method, degree, remark) in [
         ("HERMITE", 8, "not 8: 9 is taken"),
         ("HERMITE", 1, "not 1: 3 is taken"),
         ("LINEAR", 5, "not 5: 1 is taken"),
         ("LAGRANGE", 15, "takes 16 states, and the segment has 12"),
     ] {
         let object = orbit(&states, 60, &meta(method, degree));
-        let all = comments(&object);
+        let all = remarks(&object);
         assert!(
-            all.len() == 1 && all[0].contains(comment),
+            all.len() == 1 && all[0].contains(remark),
             "{method} {degree}: {all:?}"
         );
-        assert!(object.comments()[0].0 >= 3, "the line of the keyword");
+        assert!(object.remarks()[0].0 >= 3, "the line of the keyword");
     }
-    assert_eq!(comments(&orbit(&states, 60, "")), [""; 0]);
+    assert_eq!(remarks(&orbit(&states, 60, "")), [""; 0]);
 }
 
 /// Two states 1 s apart on a straight line, from a state in m and m/s.
@@ -215,7 +215,7 @@ fn frames_are_rotated_as_by_independent_programs() {
         for name in names {
             let meta = format!("COMMENT UT1-UTC = {ut1_utc}\n{}", meta("HERMITE", 3));
             let object = only(&message(name, &meta, &states));
-            assert_eq!(comments(&object), [""; 0], "{name}");
+            assert_eq!(remarks(&object), [""; 0], "{name}");
             let (m, m_s) = off(&object.state(epoch).unwrap(), &km);
             if source == "erfa" {
                 (worst_m, worst_m_s) = (worst_m.max(m), worst_m_s.max(m_s));
@@ -224,7 +224,7 @@ fn frames_are_rotated_as_by_independent_programs() {
             // Polar motion is left out. Without UT1 - UTC the Earth's rotation is off by it.
             pole = pole.max(m / across.hypot(numbers[2]));
             let without = only(&message(name, "", &states));
-            let remarks = comments(&without).concat();
+            let remarks = remarks(&without).concat();
             for part in ["without Earth-orientation data", "460 m at 7,000 km"] {
                 assert!(remarks.contains(part), "{remarks}");
             }
@@ -286,11 +286,9 @@ fn ut1_continues_over_a_leap_second() {
             );
             let states = times.iter().map(|at| format!("{at} 7000 0 0 0 0 0"));
             let object = only(&texts::oem(&meta, &states.collect::<Vec<_>>()));
-            let comments = comments(&object);
-            let is_reported = comments
-                .iter()
-                .any(|comment| comment.contains("as 0.6 s at"));
-            assert_eq!(is_reported, is_step_reported, "{system}: {comments:?}");
+            let remarks = remarks(&object);
+            let is_reported = remarks.iter().any(|remark| remark.contains("as 0.6 s at"));
+            assert_eq!(is_reported, is_step_reported, "{system}: {remarks:?}");
             for (at, expected_m) in utc.iter().zip(expected_m).skip(first) {
                 let state = object.state(parse_utc(at).unwrap()).unwrap();
                 let off_m = (state.position_m - Vector3::from(expected_m)).norm();

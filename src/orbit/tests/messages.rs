@@ -100,7 +100,7 @@ fn direction_and_order_are_those_of_the_file() {
         );
         let message = aem::parse(&text).unwrap();
         assert!(
-            message.comments.is_empty() && message.segments.len() == 1,
+            message.remarks.is_empty() && message.segments.len() == 1,
             "{text}"
         );
         let segment = &message.segments[0];
@@ -129,7 +129,7 @@ fn utc(second: i64) -> Epoch {
 
 #[test]
 fn unused_attitude_data_are_remarked() {
-    for [meta, numbers, comment] in rows(
+    for [meta, numbers, remark] in rows(
         r"
         QUATERNION/ANGVEL\nANGVEL_FRAME = SC_BODY_1 | 0 0 0 1 0.1 0.2 0.3 | rates of the slerp
         QUATERNION/DERIVATIVE                       | 0 0 0 1 0 0 0 0     | rates of the slerp
@@ -137,12 +137,12 @@ fn unused_attitude_data_are_remarked() {
         ",
     ) {
         let meta = format!("{A_TO_B}ATTITUDE_TYPE = {meta}\n");
-        let comments = aem::parse(&attitudes("2.0", &meta, &numbers))
+        let remarks = aem::parse(&attitudes("2.0", &meta, &numbers))
             .unwrap()
-            .comments;
+            .remarks;
         assert!(
-            comments.len() == 1 && comments[0].1.contains(&comment),
-            "{meta}: {comments:?}"
+            remarks.len() == 1 && remarks[0].1.contains(&remark),
+            "{meta}: {remarks:?}"
         );
     }
 }

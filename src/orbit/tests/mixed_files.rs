@@ -297,22 +297,22 @@ fn segments_that_overlap_are_reported_with_the_times() {
             let lines = [minute, minute + 10].map(|minute| utc(minute) + " 0 0 0 1\n");
             format!("DATA_START\n{}DATA_STOP\n", lines.concat())
         });
-        let aem = aem::parse(&aem).unwrap().comments.into_iter();
-        let aem: Vec<String> = aem.map(|(_, comment)| comment).collect();
-        for comments in [read(&oem).assumed, aem] {
+        let aem = aem::parse(&aem).unwrap().remarks.into_iter();
+        let aem: Vec<String> = aem.map(|(_, remark)| remark).collect();
+        for remarks in [read(&oem).assumed, aem] {
             let wanted = overlap
                 .map(|(from, to)| format!("overlap from {}.000Z to {}.000Z", utc(from), utc(to)));
             assert_eq!(
-                comments.len(),
+                remarks.len(),
                 wanted.iter().len(),
-                "{first} {second}: {comments:?}"
+                "{first} {second}: {remarks:?}"
             );
             let is_reported = |wanted: String| {
-                comments[0].contains(&wanted) && comments[0].contains("USEABLE_START_TIME")
+                remarks[0].contains(&wanted) && remarks[0].contains("USEABLE_START_TIME")
             };
             assert!(
                 wanted.is_none_or(is_reported),
-                "{first} {second}: {comments:?}"
+                "{first} {second}: {remarks:?}"
             );
         }
     }
