@@ -324,11 +324,11 @@ mod tests {
 
     #[test]
     fn loss_matches_the_particle_data_group() {
-        let (bound, xi) = PLAIN.loss_ev(10.0);
+        let (loss, xi) = PLAIN.loss_ev(10.0);
         // By hand from Eq. 34.12: gamma 1.5691, beta^2 0.5938; 9.063 + 0.551 + 0.2 - 0.594 - 0.081
         // = 9.139 times 300.2 eV.
         assert!((xi - 300.1).abs() < 0.5, "{xi}");
-        assert!((bound / 2743.5 - 1.0).abs() < 0.001, "{bound}");
+        assert!((loss / 2743.5 - 1.0).abs() < 0.001, "{loss}");
         // X-Val: PDG Eq. 34.13, where the density effect is complete: xi (ln(2 m c^2 xi / (31.05
         // eV)^2) + 0.200), 84.2 keV in 300 um; at the minimum it is some 7 % less.
         let fast = Radiation {
@@ -346,7 +346,7 @@ mod tests {
         let charge: f64 = (0..n)
             .map(|i| PLAIN.charge_e(10.0, PixelStream::new(key(1), 9, i).normal()))
             .sum();
-        let mean = (bound + xi * (0.577_215_664_9 + std::f64::consts::LN_2)) / PAIR_EV;
+        let mean = (loss + xi * (0.577_215_664_9 + std::f64::consts::LN_2)) / PAIR_EV;
         // Variance of Moyal's: pi^2 / 2.
         let error = xi / PAIR_EV * (4.934_802_2 / f64::from(n)).sqrt();
         assert!((charge / f64::from(n) - mean).abs() < 5.0 * error);

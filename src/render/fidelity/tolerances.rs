@@ -166,7 +166,7 @@ tolerances! {
 impl Fidelity {
     /// The share (1) of the light of a source of `electrons` that may fall outside its stamp, if
     /// its wings are narrow.
-    pub fn bound(&self, electrons: f64) -> f64 {
+    pub fn loss(&self, electrons: f64) -> f64 {
         const MAX: f64 = 1e-4;
         if self.loss_e > 0.0 {
             (self.loss_e / electrons).min(MAX).max(self.psf_loss)

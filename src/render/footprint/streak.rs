@@ -116,7 +116,7 @@ impl Room {
             return Some(Footprint::default());
         }
         let sides = [camera.detector.width as i32, camera.detector.height as i32];
-        let footprint = if fidelity.bound(light.electrons) < SINGLE_PRECISION_LOSS {
+        let footprint = if fidelity.loss(light.electrons) < SINGLE_PRECISION_LOSS {
             let mut light = Vec::new();
             let mut sheet = rows.sheet(&mut light);
             kernels::add_dots_f64(level, double, &circle, dots, &mut sheet);

@@ -162,9 +162,9 @@ impl Imaging<'_> {
     fn disc(&self, elements: &[Element], candidate: &Candidate) -> Point {
         let view = self.view;
         // Of so much light the undrawn part would be visible.
-        let bound = (self.fidelity.wing_e / candidate.clear_e).max(f64::EPSILON);
+        let loss = (self.fidelity.wing_e / candidate.clear_e).max(f64::EPSILON);
         let fidelity = &Fidelity {
-            psf_loss: self.fidelity.psf_loss.min(bound),
+            psf_loss: self.fidelity.psf_loss.min(loss),
             ..*self.fidelity
         };
         let imaging = Imaging { fidelity, ..*self };

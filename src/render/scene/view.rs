@@ -221,7 +221,7 @@ impl View {
     /// The part of the detector plane whose light matters.
     pub(super) fn window(&self, fidelity: &Fidelity) -> Window {
         match self.window {
-            (bound, window) if bound == fidelity.psf_loss => window,
+            (loss, window) if loss == fidelity.psf_loss => window,
             _ => Footprint::window(&self.camera, fidelity),
         }
     }

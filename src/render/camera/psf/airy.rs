@@ -85,11 +85,11 @@ impl Airy {
         self.half_width
     }
 
-    /// A radius outside of which less than `bound` of the light falls.
-    pub fn reach(&self, bound: f64) -> f64 {
-        // The light outside oscillates around its mean by a part that falls with r, always below
-        // 1.3 of it.
-        1.3 * 2.0 / (PI * PI * (1.0 - self.obscuration) * bound)
+    /// A radius outside of which less than `loss` of the light falls.
+    pub fn reach(&self, loss: f64) -> f64 {
+        // The light outside oscillates around its mean by a part that falls with r. As no more
+        // than all light is outside, 1.3 times the mean bounds it.
+        1.3 * 2.0 / (PI * PI * (1.0 - self.obscuration) * loss)
     }
 
     /// A radius outside of which the light per unit area, averaged over rings, is below `share`.

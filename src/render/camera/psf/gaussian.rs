@@ -62,7 +62,7 @@ pub struct Gaussian {
 }
 
 impl Gaussian {
-    /// Half the side (px) of the square outside of which less than `bound` of the light falls: two
+    /// Half the side (px) of the square outside of which less than `loss` of the light falls: two
     /// coordinates, two tails each. A tail is below both `exp(-k^2 / 2) / 2` and
     /// `exp(-k^2 / 2) / (k (2 pi)^(1/2))` at k sigma (Abramowitz & Stegun, 7.1.13); by the second
     ///
@@ -72,9 +72,9 @@ impl Gaussian {
     ///
     /// f is decreasing: from a k that is too great, by the first bound, one step gives a k that is
     /// too small, and the next one that is slightly too great.
-    pub fn reach_px(&self, bound: f64) -> f64 {
+    pub fn reach_px(&self, loss: f64) -> f64 {
         // Without loss the reach would be infinite.
-        let loss = nearest(bound, MIN_LOSS..=1.0);
+        let loss = nearest(loss, MIN_LOSS..=1.0);
         let far = (-2.0 * libm::log(loss / 2.0)).sqrt();
         let nearer = |k: f64| (-2.0 * libm::log(k * TAU.sqrt() * loss / 4.0)).sqrt();
         // For losses above 0.01 the second bound does not hold.
@@ -86,10 +86,10 @@ impl Gaussian {
         self.sigma_px * k
     }
 
-    /// The radius (px) of the circle outside of which `bound` of the light falls,
+    /// The radius (px) of the circle outside of which `loss` of the light falls,
     /// `exp(-r^2 / (2 sigma^2))`.
-    pub fn circle_px(&self, bound: f64) -> f64 {
-        self.sigma_px * (-2.0 * libm::log(nearest(bound, MIN_LOSS..=1.0))).sqrt()
+    pub fn circle_px(&self, loss: f64) -> f64 {
+        self.sigma_px * (-2.0 * libm::log(nearest(loss, MIN_LOSS..=1.0))).sqrt()
     }
 
     /// The shares of pixels as [`Lines`], within 1e-7; none if the width would make the table too
@@ -180,10 +180,10 @@ mod tests {
     #[test]
     fn light_outside_the_reach_is_below_the_bound() {
         let psf = Gaussian { sigma_px: 0.7 };
-        for bound in [9.9e-3, 1e-3, 1e-6, 1e-9] {
-            let k = psf.reach_px(bound) / psf.sigma_px;
+        for loss in [9.9e-3, 1e-3, 1e-6, 1e-9] {
+            let k = psf.reach_px(loss) / psf.sigma_px;
             let inside = libm::erf(k / std::f64::consts::SQRT_2).powi(2);
-            assert!(1.0 - inside < bound && 1.0 - inside > 0.8 * bound);
+            assert!(1.0 - inside < loss && 1.0 - inside > 0.8 * loss);
         }
     }
 }

@@ -8,7 +8,7 @@
 //! camera is loaded.
 //!
 //! No profile is cut and scaled up. Light of wide wings outside the drawn pixels,
-//! [`LocalPsf::undrawn`], is spread evenly over these (see `footprint`). [`Fidelity::bound`] limits
+//! [`LocalPsf::undrawn`], is spread evenly over these (see `footprint`). [`Fidelity::loss`] limits
 //! the loss of narrow profiles.
 
 mod airy;
@@ -223,9 +223,9 @@ impl Psf {
     }
 
     /// The greatest [`LocalPsf::reach_px`] over the field and all colours.
-    pub fn reach_px(&self, bound: f64) -> f64 {
+    pub fn reach_px(&self, loss: f64) -> f64 {
         self.local(self.scales()[1], images::Mix::default())
-            .reach_px(bound)
+            .reach_px(loss)
     }
 
     /// The greatest [`LocalPsf::drawn_px`] over the field and all colours.
@@ -235,12 +235,12 @@ impl Psf {
     }
 
     /// The radius (px) of the circle to draw around each point of a streak, for a source of
-    /// `electrons`: it contains all light except [`Fidelity::bound`]. Only for a Gaussian that is
+    /// `electrons`: it contains all light except [`Fidelity::loss`]. Only for a Gaussian that is
     /// the same everywhere and for all colours.
     pub fn circle_px(&self, fidelity: &Fidelity, electrons: f64) -> Option<f64> {
         match self.shape {
             Shape::Gaussian(sigma_px) if self.lines.is_some() => {
-                Some(Gaussian { sigma_px }.circle_px(fidelity.bound(electrons)))
+                Some(Gaussian { sigma_px }.circle_px(fidelity.loss(electrons)))
             }
             _ => None,
         }
@@ -288,20 +288,20 @@ impl Psf {
 }
 
 impl LocalPsf<'_> {
-    /// Half the side (px) of the square outside of which less than `bound` of the light falls; at
+    /// Half the side (px) of the square outside of which less than `loss` of the light falls; at
     /// most [`FURTHEST_PX`] except for a Gaussian.
-    pub fn reach_px(&self, bound: f64) -> f64 {
+    pub fn reach_px(&self, loss: f64) -> f64 {
         let reach = match self.shape {
-            Shape::Gaussian(sigma_px) => return self.gaussian(*sigma_px).reach_px(bound),
-            Shape::Airy(airy, width_px) => self.scale * width_px * airy.reach(bound),
-            Shape::Moffat(moffat, width_px) => self.scale * width_px * moffat.reach(bound),
+            Shape::Gaussian(sigma_px) => return self.gaussian(*sigma_px).reach_px(loss),
+            Shape::Airy(airy, width_px) => self.scale * width_px * airy.reach(loss),
+            Shape::Moffat(moffat, width_px) => self.scale * width_px * moffat.reach(loss),
             Shape::Images(images) => images.reach_px(),
         };
         nearest(reach, 0.0..=FURTHEST_PX)
     }
 
     /// Half the side (px) of the square to draw for a source of `electrons`: it contains all light
-    /// except [`Fidelity::bound`]; for wide wings, all that is not too faint, with the rest in
+    /// except [`Fidelity::loss`]; for wide wings, all that is not too faint, with the rest in
     /// [`LocalPsf::undrawn`].
     pub fn drawn_px(&self, fidelity: &Fidelity, electrons: f64) -> f64 {
         let share = fidelity.wing_e / electrons;
@@ -314,7 +314,7 @@ impl LocalPsf<'_> {
                 let width_px = self.scale * width_px;
                 width_px * moffat.faint(share * width_px * width_px)
             }
-            Shape::Gaussian(_) => return self.reach_px(fidelity.bound(electrons)),
+            Shape::Gaussian(_) => return self.reach_px(fidelity.loss(electrons)),
             Shape::Images(_) => return self.reach_px(fidelity.psf_loss),
         };
         self.reach_px(fidelity.psf_loss)

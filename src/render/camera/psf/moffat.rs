@@ -40,10 +40,10 @@ impl Moffat {
         &self.table
     }
 
-    /// The radius outside of which `bound` of the light falls.
-    pub fn reach(&self, bound: f64) -> f64 {
+    /// The radius outside of which `loss` of the light falls.
+    pub fn reach(&self, loss: f64) -> f64 {
         self.alpha
-            * (libm::pow(bound, 1.0 / (1.0 - self.beta)) - 1.0)
+            * (libm::pow(loss, 1.0 / (1.0 - self.beta)) - 1.0)
                 .max(0.0)
                 .sqrt()
     }

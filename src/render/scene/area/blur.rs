@@ -37,8 +37,8 @@ pub struct Blur<'a> {
 impl<'a> Blur<'a> {
     /// For light up to `max_e` in a pixel. Without edges light is not blurred.
     pub fn new(camera: &'a Camera, max_e: f64, has_edges: bool, fidelity: &Fidelity) -> Blur<'a> {
-        let bound = (fidelity.area_e / max_e.max(f64::MIN_POSITIVE)).clamp(fidelity.psf_loss, 1e-3);
-        let reach = (camera.optics.psf.reach_px(bound).ceil() as usize).clamp(1, FURTHEST);
+        let loss = (fidelity.area_e / max_e.max(f64::MIN_POSITIVE)).clamp(fidelity.psf_loss, 1e-3);
+        let reach = (camera.optics.psf.reach_px(loss).ceil() as usize).clamp(1, FURTHEST);
         Blur {
             camera,
             reach,
