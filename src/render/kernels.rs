@@ -272,7 +272,7 @@ fn convert_body(converter: &Converter, electrons: &[f32], dn: &mut [u16]) {
     }
 }
 
-/// Not fused: fast on every processor.
+/// Not fused: rounding of the sums does not matter here, and no processor is slow at them.
 #[inline(always)]
 fn ramp_body(from: f32, rise: f32, first: u32, electrons: &mut [f32]) {
     for (i, e) in electrons.iter_mut().enumerate() {

@@ -26,7 +26,7 @@ pub struct Row {
     pub p50_ms: f64,
     /// 99th percentile of these times, ms; for fewer than 100 rounds the maximum.
     pub p99_ms: f64,
-    /// Whether it is on the Pareto front: no other is faster and more accurate, except by chance.
+    /// Whether it is on the Pareto front: no other is as fast and as accurate, except by chance.
     pub is_front: bool,
     /// A faster and more accurate setting, by more than chance.
     pub beaten_by: Option<String>,

@@ -132,7 +132,7 @@ impl Detector {
         [self.width as f64, self.height as f64]
     }
 
-    /// Whether a position lies on the detector. Lower and left pixel edges belong to it.
+    /// Whether a position lies on the detector. Its edges at -0.5 belong to it, the others do not.
     pub fn contains(&self, [x, y]: [f64; 2]) -> bool {
         (-0.5..self.width as f64 - 0.5).contains(&x)
             && (-0.5..self.height as f64 - 0.5).contains(&y)

@@ -9,6 +9,8 @@
 //! excess      = -hot ln U with probability hot_fraction, else 0   exponential, mean `hot`
 //! ```
 //!
+//! The mean of the lognormal factor is 1.
+//!
 //! Dark currents have a skewed, near lognormal distribution with a tail of hot pixels (Baer 2006,
 //! Proc. SPIE 6068, 606805). The excess from displacement damage is assumed exponential, after the
 //! tails of irradiated sensors (Virmontois et al. 2010, IEEE TNS 57, 3101).

@@ -18,7 +18,7 @@ const SAMPLES: usize = 5;
 /// Number of faint sources that represent all others. Sources much brighter than the mean are all
 /// evaluated.
 const SOURCES: usize = 64;
-/// Bright sources, in units of the mean.
+/// Brightness above which a source counts as much brighter, in units of the mean.
 const BRIGHT: f64 = 4.0;
 
 /// Time of a source with a still image, without its pixels, ns.

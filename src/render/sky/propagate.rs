@@ -15,8 +15,8 @@ use std::sync::Arc;
 /// Objects that are propagated together.
 pub const TASK: usize = 64;
 
-/// Longest exposure with a single rotation from TEME to GCRF, s: in half of that the Earth's axis
-/// moves by 4e-11 rad.
+/// Longest exposure with a single rotation from TEME to GCRF, s: in half of that the rotation
+/// changes by 4e-11 rad.
 const SHORT_S: f64 = 10.0;
 
 /// The inputs of a propagation.

@@ -58,7 +58,7 @@ impl StarLight {
         };
         let rows: Vec<Vec<f64>> = rows().skip(skipped).take(ROWS).collect();
         let latitudes = rows.iter().map(|row| row[0].to_radians()).collect();
-        // Two more columns for periodic interpolation: -30, 360 and 390 degrees.
+        // Three more columns for periodic interpolation: -30, 360 and 390 degrees.
         let longitudes = (0..COLUMNS + 3).map(|i| (i as f64 - 1.0) * STEP).collect();
         let value = |i: usize, j: usize| libm::log2(rows[j][1 + (i + COLUMNS - 1) % COLUMNS]);
         StarLight {

@@ -140,7 +140,7 @@ impl Shape {
     }
 
     /// Rotation of the body (rad) over which its light may change much: that which moves the
-    /// narrowest lobe across a sensor.
+    /// narrowest lobe across a sensor. `sun_radius` is that of [`Shape::reflective_area`].
     pub fn detail(&self, sun_radius: f64) -> f64 {
         let details = self.facets.iter().map(|facet| match facet.form {
             Form::Plate(_) | Form::Ring(_) if facet.surface.specular > 0.0 => {
