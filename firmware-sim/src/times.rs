@@ -200,4 +200,13 @@ mod tests {
             assert_eq!(of(&[start, next]).within(start), 1, "{start:?}");
         }
     }
+
+    #[test]
+    fn the_sum_includes_all_and_saturates() {
+        assert_eq!(Times::default().sum(), Duration::ZERO);
+        let ms = Duration::from_millis;
+        // X-Val: by hand.
+        assert_eq!(of(&[ms(3), ms(5), ms(8)]).sum(), ms(16));
+        assert_eq!(of(&[Duration::MAX, ms(1)]).sum(), Duration::MAX);
+    }
 }
