@@ -26,8 +26,8 @@ impl Earth {
         Self { pole }
     }
 
-    /// Height of a point (GCRF, m) above the ellipsoid, m, and the ellipsoid's normal there, unit
-    /// vector.
+    /// Height of a point (GCRF, m) above the ellipsoid, m, negative below it, and the ellipsoid's
+    /// normal there, unit vector.
     ///
     /// Bowring's iteration, which gains some three digits per step near the Earth.
     pub fn above(&self, position_m: &Vector3<f64>) -> (f64, Vector3<f64>) {

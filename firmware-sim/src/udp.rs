@@ -60,8 +60,8 @@ impl UdpPort {
                 let mut datagrams = Datagrams::of(&socket)?;
                 window = window_of(datagrams.request_buffer(RECEIVE_BUFFER));
                 datagrams.join();
-                // Longer than any packet, so that overlong packets are flag as such, and joined
-                // datagrams fit.
+                // Longer than any packet, so that overlong packets are refused as such, and
+                // joined datagrams fit.
                 let mut buffer = vec![0; 1 << 16];
                 let answering = socket;
                 Reader::start("skyloop-fc udp", move |sink| {

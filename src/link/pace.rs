@@ -22,7 +22,7 @@ impl Pace {
         }
     }
 
-    /// A serial line: 10 bit times an byte (start bit, 8 data bits, stop bit).
+    /// A serial line: 10 bit times a byte (start bit, 8 data bits, stop bit).
     pub fn of_baud(baud: u32) -> Pace {
         const SLACK: Duration = Duration::from_millis(100);
         Pace::new(f64::from(baud) / 10.0, SLACK)

@@ -52,7 +52,7 @@ pub(super) fn write_all(
     let mut waited = false;
     while !bytes.is_empty() {
         match to.write(bytes, client)? {
-            Written::NoReader => return Ok(None),
+            Written::NoClient => return Ok(None),
             Written::Bytes(0) if !wanted() => return Ok(None),
             Written::Bytes(0) => {
                 waited = true;

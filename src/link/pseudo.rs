@@ -49,7 +49,7 @@ pub(super) enum MasterRead {
     /// The client has closed.
     Left,
     /// No client has the other end open.
-    NoReader,
+    NoClient,
 }
 
 #[derive(Debug, PartialEq)]
@@ -57,7 +57,7 @@ pub(super) enum Written {
     /// Number of written bytes; there is no room for the others.
     Bytes(usize),
     /// The client has closed.
-    NoReader,
+    NoClient,
 }
 
 impl Pseudo {
@@ -121,7 +121,7 @@ impl Pseudo {
         if !std::mem::take(&mut state.held) {
             drop(state);
             std::thread::sleep(SOON.min(wait));
-            return Ok(MasterRead::NoReader);
+            return Ok(MasterRead::NoClient);
         }
         if let Err(error) = reset(&state.master, &state.device) {
             // The client left it in exclusive use: only a new one can be opened again.
@@ -144,12 +144,12 @@ impl Pseudo {
             state.note_client();
         }
         if !state.held || client.is_some_and(|client| client != state.clients) {
-            return Ok(Written::NoReader);
+            return Ok(Written::NoClient);
         }
         match rustix::io::write(&state.master, bytes) {
             Ok(length) => Ok(Written::Bytes(length)),
             Err(Errno::AGAIN | Errno::INTR) => Ok(Written::Bytes(0)),
-            Err(Errno::IO) => Ok(Written::NoReader),
+            Err(Errno::IO) => Ok(Written::NoClient),
             Err(error) => Err(error.into()),
         }
     }
@@ -256,7 +256,7 @@ mod tests {
     fn event(pseudo: &Pseudo, buffer: &mut [u8]) -> MasterRead {
         let received = (0..200).map(|_| pseudo.receive(buffer, WAIT).unwrap());
         let mut events = received
-            .filter(|received| !matches!(received, MasterRead::Silence | MasterRead::NoReader));
+            .filter(|received| !matches!(received, MasterRead::Silence | MasterRead::NoClient));
         events.next().unwrap()
     }
 
@@ -268,9 +268,9 @@ mod tests {
         let mut buffer = [0; 100];
         assert_eq!(
             pseudo.receive(&mut buffer, WAIT).unwrap(),
-            MasterRead::NoReader
+            MasterRead::NoClient
         );
-        assert_eq!(pseudo.write(b"lost", None).unwrap(), Written::NoReader);
+        assert_eq!(pseudo.write(b"lost", None).unwrap(), Written::NoClient);
         for round in 1..=3 {
             let mut port = client(&pseudo);
             if round == 1 {
@@ -285,7 +285,7 @@ mod tests {
             assert_eq!(pseudo.write(b"to", Some(round)).unwrap(), Written::Bytes(2));
             assert_eq!(
                 pseudo.write(b"-", Some(round - 1)).unwrap(),
-                Written::NoReader
+                Written::NoClient
             );
             assert_eq!(port.read(&mut buffer).unwrap(), 2);
             // Until there is no room; all remains unread.

@@ -33,9 +33,10 @@ struct Plane<'a> {
 }
 
 impl LimbStare {
-    /// The line of sight from a state: unit vector, ICRF.
-    ///
     /// Line of sight from a state: unit vector, ICRF.
+    ///
+    /// # Errors
+    ///
     /// [`ProfileError`]: no orbital plane, or the state is below the height.
     pub fn direction(
         &self,

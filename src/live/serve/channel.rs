@@ -215,7 +215,7 @@ impl Channel {
         self.flow.moved.elapsed() >= timeout(airtime, min) && !self.wire.tally.is_held_back()
     }
 
-    /// FaultEffect by injected faults to packets in and out, in this exchange.
+    /// Effects of injected faults on packets in and out, in this exchange.
     pub fn fault_effects(&self) -> [Option<FaultEffect>; 2] {
         let [lost_in, lost_out] = self.exchange.lost_to_faults;
         [(Direction::In, lost_in), (Direction::Out, lost_out)]

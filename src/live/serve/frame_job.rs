@@ -308,8 +308,8 @@ mod tests {
             let job = job(end, arrived);
             assert_eq!(job.since_trigger(Some(late + ms(10))), ms(10));
             assert_eq!(job.since_trigger(Some(early)), Duration::ZERO);
-            // The deadline counts from the exposure's end in any case. Data on the line counts as
-            // late.
+            // The deadline counts from the exposure's end in any case. The time of data still on
+            // the line counts as well.
             let spare_s = (end + ms(30) - (late + ms(10))).as_secs_f32();
             let closing = |backlog| job.closing(late + ms(10), backlog);
             assert!((closing(Duration::ZERO).timing.spare_s - spare_s).abs() < 1e-6);

@@ -25,7 +25,7 @@ pub struct Cadence {
     /// End of the exposure that waits for its frame, and its scene time if a pause began since.
     ended: Option<(Instant, Option<Epoch>)>,
     /// End of the commanded single shot, until its frame is taken.
-    exposed: Option<Instant>,
+    single_shot: Option<Instant>,
     /// A scene time and its instant.
     zero: Option<(Epoch, Instant)>,
     /// Whether the scene time is stopped, so that no exposure ends.
@@ -45,7 +45,7 @@ impl Cadence {
             next: None,
             rests: false,
             ended: None,
-            exposed: None,
+            single_shot: None,
             zero: None,
             paused: false,
             extrapolated: false,
@@ -101,7 +101,7 @@ impl Cadence {
     /// Counts a single shot as missed, unless it has ended and waits for its frame.
     fn drop_single_shot(&mut self) {
         let ended = self.ended.map(|(end, _)| end);
-        let dropped = self.exposed.take_if(|end| Some(*end) != ended);
+        let dropped = self.single_shot.take_if(|end| Some(*end) != ended);
         self.missed = self.missed.wrapping_add(u32::from(dropped.is_some()));
     }
 
@@ -165,7 +165,7 @@ impl Cadence {
         if let Some((_, zero)) = &mut self.zero {
             *zero = earlier(*zero);
         }
-        for end in [&mut self.next, &mut self.exposed] {
+        for end in [&mut self.next, &mut self.single_shot] {
             *end = end.map(earlier);
         }
         self.ended = self.ended.map(|(end, scene)| (earlier(end), scene));
@@ -186,7 +186,7 @@ impl Cadence {
         self.drop_single_shot();
         let waited = u32::from(self.ended.take().is_some());
         self.missed = self.missed.wrapping_add(waited);
-        self.exposed = None;
+        self.single_shot = None;
     }
 
     /// Sets the rate. The next exposure ends a period after the last one, or after `arrived` if
@@ -198,7 +198,7 @@ impl Cadence {
         self.next = match self.next {
             None if self.paused => None,
             None => self.zero.map(|_| arrived + self.period),
-            exposed if exposed == self.exposed => exposed,
+            end if end == self.single_shot => end,
             Some(end) => {
                 let last = end.checked_sub(before).unwrap_or(arrived);
                 let next = last + self.period;
@@ -216,13 +216,13 @@ impl Cadence {
     pub fn single_shot(&mut self, exposure_s: f64, arrived: Instant) {
         self.advance(arrived);
         self.next = Some(arrived + Duration::from_secs_f64(nearest(exposure_s, EXPOSURE_S)));
-        self.exposed = self.next;
+        self.single_shot = self.next;
         self.rests = true;
     }
 
     /// Whether a single shot is exposed or waits for its frame.
     pub fn single_shot_is_open(&self) -> bool {
-        self.exposed.is_some()
+        self.single_shot.is_some()
     }
 
     /// Time until the next exposure ends; long while the cadence rests.
@@ -237,7 +237,7 @@ impl Cadence {
         self.zero?;
         self.advance(now);
         let (end, in_scene) = self.ended.take()?;
-        self.exposed = self.exposed.filter(|exposed| *exposed != end);
+        self.single_shot = self.single_shot.filter(|shot_end| *shot_end != end);
         let mid = in_scene.or_else(|| self.scene_at(end))? - seconds(exposure_s / 2.0);
         Some(Due {
             mid,
@@ -265,7 +265,7 @@ impl Cadence {
         self.next = (!self.rests).then(|| newest + self.period);
         let waited = u32::from(self.ended.is_some());
         self.missed = self.missed.wrapping_add(more).wrapping_add(waited);
-        self.ended = Some((self.exposed.unwrap_or(newest), None));
+        self.ended = Some((self.single_shot.unwrap_or(newest), None));
     }
 }
 
