@@ -106,19 +106,19 @@ fn a_run_continues_on_a_full_disk_and_reports_missing_packets() {
     let ended = process.end_by("-INT").exits(1);
     let ended = ended.prints(&["frames_delivered 30"]);
     let log = &ended.log;
-    assert_eq!(log.matches("the run goes on").count(), 1, "{log}");
+    assert_eq!(log.matches("the run continues").count(), 1, "{log}");
     has(
         log,
         &[
             "capture run.pcapng",
-            "is not whole",
+            "is incomplete",
             "make room and run again",
         ],
     );
     // All packets are either in the file or reported as missing: received ones, frames, an Ack and
     // a Status.
     let (packets, _) = recorded(&here.join("run.pcapng"));
-    let (_, missing) = log.rsplit_once("is not whole, ").unwrap();
+    let (_, missing) = log.rsplit_once("is incomplete, ").unwrap();
     let missing: u32 = missing.split(' ').next().unwrap().parse().unwrap();
     let all = taken.attitudes + taken.commands + sent + 2;
     assert_eq!(packets as u32 + missing, all, "{packets} and {missing}");
@@ -164,11 +164,11 @@ fn an_incomplete_recording_fails_the_junit_file_too() {
     // Blocks, number of failures, options. Further unwritten files are reported with the frames. In
     // the last row the frame is missing, too.
     for (row, says) in rows(
-        "1500 1 --link slcan --capture c.log | the recording is not whole
+        "1500 1 --link slcan --capture c.log | the recording is incomplete
          100 2 --faults delay.toml --fault-log /dev/full
          | writing the frames | --fault-log /dev/full: No space left on device
          1500 1 --link slcan --capture c.log --faults delay.toml --fault-log /dev/full
-         | the recording is not whole | --fault-log /dev/full: No space left on device
+         | the recording is incomplete | --fault-log /dev/full: No space left on device
          1500 2 --link memory --faults stuck.toml --fault-log /dev/full
          | nothing passes any more: the fault stuck, out has no end
          | --fault-log /dev/full: No space left on device",

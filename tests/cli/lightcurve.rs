@@ -149,7 +149,7 @@ fn hidden_objects_have_a_reason_and_no_received_magnitude() {
     assert!(!hidden.is_empty() && hidden.len() < rows.len());
     assert!(hidden.iter().all(|row| row[3].is_empty()));
     said.prints(&[&format!(
-        "at others none: {} behind the Earth",
+        "no light at the others: {} behind the Earth",
         hidden.len()
     )]);
 }
