@@ -134,10 +134,10 @@ fn commands() -> Vec<Case> {
         (trigger(0), "Trigger.number"),
     ];
     let by_the_stepped_clock = vec![
-        (rate(5.0), "FrameRate | each Attitude gives its frame"),
+        (rate(5.0), "FrameRate | each Attitude requests a frame"),
         (
             Command::SingleShot,
-            "SingleShot | each Attitude gives its frame",
+            "SingleShot | each Attitude requests a frame",
         ),
         (trigger(1), "Trigger | run.trigger = \"packet\""),
     ];
