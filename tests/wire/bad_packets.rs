@@ -124,7 +124,10 @@ fn commands() -> Vec<Case> {
             with_rate(20.0),
             "attitude 904 | 114.6 deg | 57.3 deg | lower the rates",
         ),
-        (no_position, "attitude 906 | no position | send the orbit state"),
+        (
+            no_position,
+            "attitude 906 | no position | send the orbit state",
+        ),
         (exposure(0.0), "Exposure.seconds must be 1e-9 to 1e4 s"),
         (exposure(1e6), "Exposure.seconds | 1000000 | 10000"),
         (exposure(f64::NAN), "Exposure.seconds"),
