@@ -117,12 +117,7 @@ pub fn render(objects: &[Object], images: u32, folder: &Path) -> anyhow::Result<
         let exposed = emulator.expose(&flight::vehicle(&mission, number)?, 0)?;
         absent.report(&exposed);
         stats.add(&exposed);
-        writer.write_frame(
-            &exposed.camera,
-            &exposed.label,
-            &exposed.json,
-            &exposed.frame,
-        )?;
+        writer.write(&exposed)?;
         emulator.recycle(exposed.frame);
     }
     writer.finish()?;

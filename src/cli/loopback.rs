@@ -328,12 +328,7 @@ fn blamed(
 
 fn write(mut writer: Writer, frames: Receiver<ExposedFrame>) -> Result<(), OutputError> {
     for exposed in frames {
-        writer.write_frame(
-            &exposed.camera,
-            &exposed.label,
-            &exposed.json,
-            &exposed.frame,
-        )?;
+        writer.write(&exposed)?;
     }
     writer.finish()
 }

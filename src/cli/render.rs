@@ -94,12 +94,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         let exposed = emulator.expose(&vehicle, 0)?;
         bar.suspend(|| absent.report(&exposed));
         stats.add(&exposed);
-        writer.write_frame(
-            &exposed.camera,
-            &exposed.label,
-            &exposed.json,
-            &exposed.frame,
-        )?;
+        writer.write(&exposed)?;
         emulator.take_back(exposed);
         bar.inc(1);
     }

@@ -39,6 +39,7 @@ use folder::{ELECTRONS, FITS, Folder, LABELS, PNG, PREVIEW, SHEET};
 use sheet::ContactSheet;
 use skyloop_orbit::{Mark, OutputFile};
 use skyloop_render::camera::Camera;
+use skyloop_render::engine::ExposedFrame;
 use skyloop_render::frame::Frame;
 use skyloop_render::label::Label;
 use std::path::Path;
@@ -89,6 +90,16 @@ impl Writer {
             labels,
             sheet: ContactSheet::new(frames),
         })
+    }
+
+    /// Writes a rendered exposure, as [`Writer::write_frame`] does.
+    pub fn write(&mut self, exposed: &ExposedFrame) -> Result<(), OutputError> {
+        self.write_frame(
+            &exposed.camera,
+            &exposed.label,
+            &exposed.json,
+            &exposed.frame,
+        )
     }
 
     /// Writes one frame: FITS, PNG, preview, expected electrons if present, and its line of labels.
