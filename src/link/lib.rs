@@ -49,7 +49,7 @@ pub use relay::{Relay, relay};
 pub use skyloop_firmware_sim::address::Address;
 pub use skyloop_firmware_sim::roles::Roles;
 pub use tally::{Airtime, Tally};
-pub use tally::{FaultEffect, SOON, Standstill, is_of_frame, timeout};
+pub use tally::{FaultEffect, SOON, Standstill, is_of_frame, standstill_timeout};
 pub use tx_complete::{Exit, Mark, Unsent};
 pub use wire::Wire;
 

@@ -254,7 +254,7 @@ pub const SOON: Duration = Duration::from_millis(500);
 
 /// Time without bytes that counts as a standstill: `min`, or twice the airtime of a packet, which
 /// may leave in one piece.
-pub fn timeout(airtime: Option<&Airtime>, min: Duration) -> Duration {
+pub fn standstill_timeout(airtime: Option<&Airtime>, min: Duration) -> Duration {
     let packet = airtime.map_or(Duration::ZERO, |airtime| airtime(MAX_PACKET));
     min.max(2 * packet)
 }
@@ -294,7 +294,7 @@ impl Standstill {
             Unsent::HeldBack
         } else if self.tally.awaits_proof() {
             Unsent::NotProved
-        } else if self.moved.elapsed() < timeout(airtime, SOON) {
+        } else if self.moved.elapsed() < standstill_timeout(airtime, SOON) {
             Unsent::RunEnded
         } else {
             Unsent::NotRead

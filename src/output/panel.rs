@@ -27,7 +27,7 @@ const NAMED: usize = 12;
 /// Number of ringed stars, brightest first.
 pub const RINGED: usize = 60;
 /// Space around an object's track in its ring, px of the panel.
-const ROOM: f64 = 7.0;
+const MARK_MARGIN: f64 = 7.0;
 
 struct Mark {
     centre: [f64; 2],
@@ -135,7 +135,7 @@ fn mark(object: &ObjectLabel, scale: [f64; 2], color: Rgb888) -> Mark {
             (object.x_px + 0.5) * scale[0] - 0.5,
             (object.y_px + 0.5) * scale[1] - 0.5,
         ],
-        radius: ROOM + (libm::hypot(track[0], track[1]) / 2.0).min(200.0),
+        radius: MARK_MARGIN + (libm::hypot(track[0], track[1]) / 2.0).min(200.0),
         color,
         broken: false,
         text: None,

@@ -113,7 +113,7 @@ impl Moment {
     fn new(at: &PassInstant) -> Moment {
         Moment {
             utc: to_ms(at.point.epoch),
-            place_px: at.place_px,
+            place_px: at.position_px,
             off_axis_deg: at.off_axis.to_degrees(),
             range_km: at.point.range_m * 1e-3,
             phase_deg: at.point.phase.to_degrees(),

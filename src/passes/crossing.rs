@@ -49,7 +49,7 @@ pub struct PassInstant {
     /// Its light.
     pub point: Point,
     /// Position of the image on the detector, px.
-    pub place_px: [f64; 2],
+    pub position_px: [f64; 2],
     /// Angle from the boresight, rad.
     pub off_axis: f64,
 }
@@ -158,9 +158,9 @@ impl ObjectSearch<'_> {
             known => known,
         };
         match point {
-            Ok(point) => Ok(sight.image_px.map(|place_px| PassInstant {
+            Ok(point) => Ok(sight.image_px.map(|position_px| PassInstant {
                 point,
-                place_px,
+                position_px,
                 off_axis: sight.off_axis,
             })),
             Err(NoLightCurve::Orbit(error)) => {

@@ -83,7 +83,7 @@ fn passes_match_another_programs_brute_force() {
         let errors = [
             (after(pass.entry.point.epoch) - number(&row, 1)).abs(),
             (after(pass.exit.point.epoch) - number(&row, 2)).abs(),
-            px(pass.entry.place_px, 3).max(px(pass.exit.place_px, 5)),
+            px(pass.entry.position_px, 3).max(px(pass.exit.position_px, 5)),
             (pass.nearest.off_axis.to_degrees() - number(&row, 8)).abs(),
             (pass.closest.1 * 1e-3 - number(&row, 9)).abs(),
             (pass.nearest.point.mag - number(&row, 10)).abs(),
@@ -217,9 +217,9 @@ fn a_straight_pass_matches_the_hand_calculation() {
     // 3.71538 px/s.
     close(after(pass.entry.point.epoch), -34.4513, 1.1e-3);
     close(after(pass.exit.point.epoch), 34.4513, 1.1e-3);
-    close(pass.entry.place_px[0], -0.5, 5e-3);
-    close(pass.exit.place_px[0], 255.5, 5e-3);
-    close(pass.exit.place_px[1], 127.5, 1e-3);
+    close(pass.entry.position_px[0], -0.5, 5e-3);
+    close(pass.exit.position_px[0], 255.5, 5e-3);
+    close(pass.exit.position_px[1], 127.5, 1e-3);
     close(pass.rate_px_s, 3.71538, 1e-4);
     close(after(pass.nearest.point.epoch), 0.0, 2e-3);
     close(pass.nearest.off_axis, 0.0, 1e-5);
@@ -348,7 +348,7 @@ fn a_pass_ends_where_states_end() {
         close(after(ended.entry.point.epoch), -34.4513, 1.1e-3);
         close(after(ended.exit.point.epoch), 16.3, 2.1e-3);
         // X-Val: by hand: 127.5 + 530.769 * 7 * 16.3 / 1000 px.
-        close(ended.exit.place_px[0], 188.061, 1e-2);
+        close(ended.exit.position_px[0], 188.061, 1e-2);
         assert!(!ended.goes_on && ended.brightest.is_some());
 
         let begun = pass_known_around(306.2, from_s);

@@ -272,8 +272,8 @@ fn a_disabled_effect_keeps_its_estimated_error() {
     let mut effects = label.effects.iter();
     let off = effects.find(|of| of.effect == particles).unwrap();
     assert_eq!((off.run, off.error_e, off.error_px), (false, None, None));
-    let mut spots = label.objects.spots.iter();
-    assert!(spots.all(|spot| spot.kind != particles));
+    let mut artifacts = label.objects.artifacts.iter();
+    assert!(artifacts.all(|artifact| artifact.kind != particles));
 }
 
 #[test]

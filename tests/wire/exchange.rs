@@ -130,28 +130,31 @@ fn late_packets_of_an_earlier_client_are_ignored() {
 #[test]
 fn frame_memory_is_reused() {
     // More than a frame needs; a new buffer would be smaller.
-    const ROOM: usize = 1 << 20;
+    const CAPACITY: usize = 1 << 20;
     let mut config = scene();
     let mut emulator = Emulator::new(&mut config);
     emulator.recycle(Frame {
-        dn: Vec::with_capacity(ROOM),
+        dn: Vec::with_capacity(CAPACITY),
         ..Frame::default()
     });
     let (wire, port) = link::loopback("memory", &options(5.0)).unwrap();
     let links = [(wire, Roles::ALL)];
     let output = config.run.output;
     let mut server = Server::new(emulator, links, output, Clock::Stepped, &NATIVE);
-    let (stop, mut rooms) = (AtomicBool::new(false), Vec::new());
+    let (stop, mut capacities) = (AtomicBool::new(false), Vec::new());
     std::thread::scope(|scope| {
         let serving = scope.spawn(|| {
             server.run(&stop, Some(3), |exposed| {
-                rooms.push(exposed.frame.dn.capacity())
+                capacities.push(exposed.frame.dn.capacity())
             })
         });
         let mut client = Client::new(MemoryLine(port));
         (1..=3).for_each(|sequence| drop(client.good_frame(sequence)));
         assert_eq!(serving.join().unwrap(), Ended::AsRequested);
     });
-    assert!(rooms.iter().all(|room| *room >= ROOM), "{rooms:?}");
-    assert_eq!(rooms.len(), 3);
+    assert!(
+        capacities.iter().all(|capacity| *capacity >= CAPACITY),
+        "{capacities:?}"
+    );
+    assert_eq!(capacities.len(), 3);
 }

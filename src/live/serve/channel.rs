@@ -9,7 +9,9 @@ use crate::metrics::Snapshot;
 use crate::stats::{FrameCounters, Pending};
 use crate::timing::Latencies;
 use bytes::{Bytes, BytesMut};
-use skyloop_link::{FaultEffect, LinkError, Outbound, Roles, Wire, is_of_frame, timeout};
+use skyloop_link::{
+    FaultEffect, LinkError, Outbound, Roles, Wire, is_of_frame, standstill_timeout,
+};
 use skyloop_orbit::time::utc_days_since_j2000;
 use skyloop_protocols::sequence::SequenceCounts;
 use skyloop_protocols::{Direction, MAX_PACKET, Output, Withheld};
@@ -212,7 +214,8 @@ impl Channel {
     /// longer. Packets held back by a fault are no standstill.
     pub fn stands_still(&self, min: Duration) -> bool {
         let airtime = self.wire.airtime.as_ref();
-        self.flow.moved.elapsed() >= timeout(airtime, min) && !self.wire.tally.is_held_back()
+        self.flow.moved.elapsed() >= standstill_timeout(airtime, min)
+            && !self.wire.tally.is_held_back()
     }
 
     /// Effects of injected faults on packets in and out, in this exchange.

@@ -13,7 +13,7 @@ use super::telemetry::{Telemetry, add};
 use super::transmit::{Step, send_packet};
 use crate::stats::{Pending, Request};
 use skyloop_base::abort::Abort;
-use skyloop_link::{LinkError, SOON, Unsent, timeout};
+use skyloop_link::{LinkError, SOON, Unsent, standstill_timeout};
 use skyloop_protocols::{Counters, Withheld};
 use skyloop_render::engine::ExposedFrame;
 use std::time::{Duration, Instant};
@@ -257,7 +257,7 @@ impl FrameQueue {
                 // A packet on a slow link may take longer.
                 let sends = is_full && !channel.wire.tally.awaits_proof();
                 let airtime = channel.wire.airtime.as_ref().filter(|_| sends);
-                if stalled >= timeout(airtime, SOON) {
+                if stalled >= standstill_timeout(airtime, SOON) {
                     report_standstill(channel, &mut delivery, !is_full);
                 }
             }

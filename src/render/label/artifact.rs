@@ -52,7 +52,7 @@ pub const MAX_ARTIFACT_PIXELS: usize = 200_000;
 
 /// The particles and defects of a label.
 #[derive(Debug, Default)]
-pub struct Spots {
+pub struct Artifacts {
     /// Those with the highest signal-to-noise ratios.
     pub listed: Vec<ArtifactLabel>,
     /// Number of the others.
@@ -63,7 +63,7 @@ pub struct Spots {
 
 /// The particles and defects of `scene` with a signal-to-noise ratio of at least `min_snr`. Beyond
 /// [`MAX_ARTIFACTS`] or [`MAX_ARTIFACT_PIXELS`], those with the highest ratios.
-pub fn spots(scene: &Scene, min_snr: f64) -> Spots {
+pub fn artifacts(scene: &Scene, min_snr: f64) -> Artifacts {
     let pixels = Pixels::new(scene);
     let mut strongest = Strongest::default();
     pixels.particles(|artifact| strongest.add(artifact, min_snr));
@@ -73,7 +73,7 @@ pub fn spots(scene: &Scene, min_snr: f64) -> Spots {
     strongest.found.sort_unstable_by_key(|(number, _)| *number);
     let found = strongest.found.iter();
     let listed = found.map(|(_, artifact)| pixels.label(artifact));
-    Spots {
+    Artifacts {
         listed: listed.collect(),
         left_out: strongest.left_out,
         left_out_snr: (strongest.left_out > 0).then_some(strongest.left_out_snr),

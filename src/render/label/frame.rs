@@ -186,7 +186,7 @@ impl Label {
         let matrix = pointing.matrix();
         let [ra, dec, roll] = pointing.ra_dec_roll();
         let flooded_by = flooded_by(scene).map(name_of);
-        let spots = artifact::spots(scene, label_snr);
+        let artifacts = artifact::artifacts(scene, label_snr);
         let beyond = scene.particles_left_out;
         let unseen = unseen::listed(scene, world, label_snr);
         // A filtered iterator has no length; the parallel one below must have one.
@@ -242,15 +242,15 @@ impl Label {
             fidelity: (&scene.fidelity).into(),
             overrun: None,
             effects,
-            spots_left_out: (spots.left_out > 0).then_some(spots.left_out),
-            spots_left_out_snr: spots.left_out_snr,
+            spots_left_out: (artifacts.left_out > 0).then_some(artifacts.left_out),
+            spots_left_out_snr: artifacts.left_out_snr,
             particles_left_out: (beyond > 0.0).then_some(beyond),
             unseen: unseen.ids,
             unseen_counts: unseen.counts,
             unseen_left_out: (unseen.left_out > 0).then_some(unseen.left_out),
             objects: Objects {
                 sources: objects,
-                spots: spots.listed,
+                artifacts: artifacts.listed,
             },
         }
     }

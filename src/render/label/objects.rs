@@ -19,13 +19,13 @@ pub struct Objects {
     /// The stars and RSOs in the frame or with light on the detector.
     pub sources: Vec<ObjectLabel>,
     /// Particles and defective pixels.
-    pub spots: Vec<ArtifactLabel>,
+    pub artifacts: Vec<ArtifactLabel>,
 }
 
 impl From<Vec<ObjectLabel>> for Objects {
     fn from(sources: Vec<ObjectLabel>) -> Self {
-        let spots = Vec::new();
-        Objects { sources, spots }
+        let artifacts = Vec::new();
+        Objects { sources, artifacts }
     }
 }
 
@@ -60,7 +60,7 @@ impl Objects {
         let empty = text.len();
         write_all(&self.sources, ObjectLabel::write, text)?;
         write_all(
-            &self.spots,
+            &self.artifacts,
             |artifact, text| to_writer(text, artifact),
             text,
         )?;

@@ -162,10 +162,10 @@ fn dead_and_stuck_pixels_have_their_dn() {
     assert_eq!(dark.collect::<Vec<u32>>(), dead);
     assert!((400..640).contains(&dead.len()), "{}", dead.len());
     // Every one of them is in the label, and no other.
-    let spots = &exposed.label.objects.spots;
-    let named = |name: &str| spots.iter().filter(|s| s.id.starts_with(name)).count();
+    let artifacts = &exposed.label.objects.artifacts;
+    let named = |name: &str| artifacts.iter().filter(|s| s.id.starts_with(name)).count();
     assert_eq!((named("dead"), named("stuck")), (dead.len(), 2));
-    let stuck = spots.iter().find(|s| s.id == "stuck 3,5").unwrap();
+    let stuck = artifacts.iter().find(|s| s.id == "stuck 3,5").unwrap();
     // (12345 - 200) 2.5 = 30362.5, to the even or away from zero.
     assert_eq!(stuck.pixels, [[3, 5, 30363]]);
     assert!(stuck.kind == "defect" && stuck.visible && (stuck.x_px, stuck.y_px) == (3.0, 5.0));
@@ -177,7 +177,7 @@ fn a_truncated_artifact_list_counts_the_rest() {
     // Of 51,200 pixels some 4,608 are dead and as many are stuck.
     let keys = format!("{PLAIN}\ndead_fraction = 0.09\nstuck_fraction = 0.09");
     let whole = expose(&mut emulator(&text(false, &keys, "")), 3);
-    assert!(whole.label.objects.spots.len() <= MAX_ARTIFACTS);
+    assert!(whole.label.objects.artifacts.len() <= MAX_ARTIFACTS);
     assert!(!whole.json.contains("left_out"));
     let keys = format!("{keys}\nhot_fraction = 0.1\nhot_e_s = 500.0");
     let exposed = expose(&mut emulator(&text(false, &keys, "")), 3);
@@ -187,15 +187,15 @@ fn a_truncated_artifact_list_counts_the_rest() {
     let hot = pattern.hot().iter().filter(|(pixel, _)| !blind(pixel));
     let all = pattern.dead().len() + pattern.stuck().len() + hot.count();
     assert!(all > MAX_ARTIFACTS + 1000, "{all}");
-    assert_eq!(label.objects.spots.len(), MAX_ARTIFACTS);
+    assert_eq!(label.objects.artifacts.len(), MAX_ARTIFACTS);
     assert_eq!(label.spots_left_out, Some(all - MAX_ARTIFACTS));
     // Only weak hot pixels are left out. All dead and stuck pixels, with their large errors, are
     // listed.
-    let spots = &label.objects.spots;
-    let named = |name: &str| spots.iter().filter(|s| s.id.starts_with(name)).count();
+    let artifacts = &label.objects.artifacts;
+    let named = |name: &str| artifacts.iter().filter(|s| s.id.starts_with(name)).count();
     let due = (pattern.dead().len(), pattern.stuck().len());
     assert_eq!((named("dead"), named("stuck")), due);
-    let min = spots.iter().map(|spot| spot.snr);
+    let min = artifacts.iter().map(|artifact| artifact.snr);
     let min = min.fold(f64::INFINITY, f64::min);
     let beyond = label.spots_left_out_snr.unwrap();
     let is_next = 0.0 < beyond && beyond <= min && min - beyond < 0.1;
@@ -213,15 +213,18 @@ fn a_list_of_wide_particles_is_cut_by_their_pixels() {
     let mut emulator = emulator(&text(false, PLAIN, table));
     emulator.camera_mut().exposure_s = 1.0;
     let label = expose(&mut emulator, 1).label;
-    let spots = &label.objects.spots;
-    let sum = spots.iter().map(|spot| spot.pixels.len()).sum::<usize>();
+    let artifacts = &label.objects.artifacts;
+    let sum = artifacts
+        .iter()
+        .map(|artifact| artifact.pixels.len())
+        .sum::<usize>();
     assert!(
-        spots.len() < MAX_ARTIFACTS && sum <= MAX_ARTIFACT_PIXELS,
+        artifacts.len() < MAX_ARTIFACTS && sum <= MAX_ARTIFACT_PIXELS,
         "{sum}"
     );
     assert!(sum > MAX_ARTIFACT_PIXELS * 9 / 10, "{sum}");
     assert!(label.spots_left_out.unwrap() > 100);
-    let min = spots.iter().map(|spot| spot.snr);
+    let min = artifacts.iter().map(|artifact| artifact.snr);
     let min = min.fold(f64::INFINITY, f64::min);
     assert!(label.spots_left_out_snr.unwrap() <= min);
 }
@@ -238,7 +241,7 @@ fn particles_beyond_the_limit_are_counted() {
     let left_out = exposed.label.particles_left_out.unwrap();
     assert!((left_out - 246_112.0).abs() < 1.0, "{left_out}");
     // The label lists a tenth of those; some left no whole electron.
-    assert_eq!(exposed.label.objects.spots.len(), MAX_ARTIFACTS);
+    assert_eq!(exposed.label.objects.artifacts.len(), MAX_ARTIFACTS);
     let drawn = exposed.label.spots_left_out.unwrap() + MAX_ARTIFACTS;
     assert!((90_000..101_000).contains(&drawn), "{drawn}");
 }
@@ -276,8 +279,8 @@ fn blooming_conserves_charge() {
 }
 
 fn particles(exposed: &ExposedFrame) -> impl Iterator<Item = &ArtifactLabel> {
-    let spots = exposed.label.objects.spots.iter();
-    spots.filter(|spot| spot.kind == "radiation")
+    let artifacts = exposed.label.objects.artifacts.iter();
+    artifacts.filter(|artifact| artifact.kind == "radiation")
 }
 
 #[test]
@@ -297,14 +300,14 @@ fn particles_are_in_their_labelled_pixels() {
         let both = charge(&with).zip(charge(&without));
         let left = both.map(|(with, without)| f64::from(with) - f64::from(without));
         let mut left: Vec<f64> = left.collect();
-        for spot in particles(&with) {
+        for artifact in particles(&with) {
             let mut sum = 0.0;
-            for [x, y, e] in &spot.pixels {
+            for [x, y, e] in &artifact.pixels {
                 left[(*y * 256 + *x) as usize] -= *e as f64;
                 sum += *e as f64;
             }
-            assert_eq!(spot.electrons, sum);
-            assert!(spot.in_frame && (spot.snr >= 3.0) == spot.visible);
+            assert_eq!(artifact.electrons, sum);
+            assert!(artifact.in_frame && (artifact.snr >= 3.0) == artifact.visible);
         }
         assert!(left.iter().all(|e| e.abs() < 0.01));
         numbers.push(particles(&with).count() as f64);

@@ -180,40 +180,44 @@ stuck_dn = 500.0";
     let hot: HashMap<usize, f64> = (pattern.hot().iter())
         .map(|(pixel, excess)| (*pixel as usize, f64::from(*excess)))
         .collect();
-    let spots = &exposed.label.objects.spots;
+    let artifacts = &exposed.label.objects.artifacts;
     let mut struck = vec![0.0; expected.len()];
     let index = |[x, y, _]: &[i64; 3]| (y * 256 + x) as usize;
-    for spot in spots.iter().filter(|spot| spot.kind == "radiation") {
-        for pixel in &spot.pixels {
+    for artifact in artifacts
+        .iter()
+        .filter(|artifact| artifact.kind == "radiation")
+    {
+        for pixel in &artifact.pixels {
             struck[index(pixel)] += pixel[2] as f64;
         }
     }
     let noise = |b: f64| (b + 81.0 + 12.0).sqrt();
     let (mut lit, mut hit, mut seen) = (0, 0, HashMap::<&str, u32>::new());
-    for spot in spots {
+    for artifact in artifacts {
         let of = |pixel: &[i64; 3]| {
             let i = index(pixel);
             let excess = hot.get(&i).copied().unwrap_or(0.0);
             (100.0 + excess, f64::from(expected[i]) + struck[i])
         };
-        let (background, held) = of(&spot.pixels[0]);
-        let name = spot.id.split(' ').next().unwrap();
+        let (background, held) = of(&artifact.pixels[0]);
+        let name = artifact.id.split(' ').next().unwrap();
         let snr = match name {
             "particle" => {
                 let part = |pixel: &[i64; 3]| (pixel[2] as f64 / noise(of(pixel).0)).powi(2);
-                spot.pixels.iter().map(part).sum::<f64>().sqrt()
+                artifact.pixels.iter().map(part).sum::<f64>().sqrt()
             }
             "dead" => held / noise(held),
             // (500 - 200) 12.
             "stuck" => (3600.0 - held).abs() / noise(held),
             _ => (background - 100.0) / noise(background),
         };
-        let (id, labelled) = (&spot.id, spot.snr);
+        let (id, labelled) = (&artifact.id, artifact.snr);
         let is_met = (labelled / snr - 1.0).abs() < 1e-5;
         assert!(is_met, "{id}: {labelled} in the label, {snr} by hand");
-        let pixel = index(&spot.pixels[0]);
-        lit += u32::from(spot.kind == "defect" && f64::from(expected[pixel]) > background + 20.0);
-        hit += u32::from(spot.kind == "defect" && struck[pixel] > 20.0);
+        let pixel = index(&artifact.pixels[0]);
+        lit +=
+            u32::from(artifact.kind == "defect" && f64::from(expected[pixel]) > background + 20.0);
+        hit += u32::from(artifact.kind == "defect" && struck[pixel] > 20.0);
         *seen.entry(name).or_default() += 1;
     }
     // Some hundred of each kind; some of the defects lie under stars and particles.
