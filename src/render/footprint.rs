@@ -73,6 +73,64 @@ fn spans_of(reached: &[(i64, i64)], width: i64) -> (Vec<Span>, u32) {
     (spans.collect(), total)
 }
 
+/// The square around a sample in which its light is drawn, and its part on the detector.
+struct SampleSquare<'a> {
+    sample: &'a Sample,
+    drawn: Drawn<'a>,
+    columns: Range<i64>,
+    rows: Range<i64>,
+}
+
+impl<'a> SampleSquare<'a> {
+    /// The squares of a track's samples that have pixels.
+    fn of(
+        track: &'a Track,
+        camera: &'a Camera,
+        fidelity: &Fidelity,
+        light: &Light,
+    ) -> Vec<SampleSquare<'a>> {
+        let inside = |range: &Range<i64>, size: usize| {
+            let first = range.start.max(0);
+            first..range.end.min(size as i64).max(first)
+        };
+        let samples = track.samples.iter().filter(|sample| sample.is_somewhere());
+        let squares = samples.map(|sample| {
+            let drawn = Drawn::around(sample.at, camera, fidelity, light);
+            let columns = inside(&drawn.square[0], camera.detector.width);
+            let rows = sample.rows(&inside(&drawn.square[1], camera.detector.height));
+            SampleSquare {
+                sample,
+                drawn,
+                columns,
+                rows,
+            }
+        });
+        squares
+            .filter(|square| !square.columns.is_empty() && !square.rows.is_empty())
+            .collect()
+    }
+}
+
+/// Length of a range that is not reversed.
+fn length(range: &Range<i64>) -> usize {
+    (range.end - range.start) as usize
+}
+
+/// The first row that the squares touch, and the columns of each row from there: from one up to
+/// another. None without squares.
+fn reached_rows(squares: &[SampleSquare<'_>]) -> Option<(usize, Vec<(i64, i64)>)> {
+    let first_row = squares.iter().map(|square| square.rows.start).min()?;
+    let past_row = squares.iter().map(|square| square.rows.end).max()?;
+    let mut reached = vec![(i64::MAX, 0); (past_row - first_row) as usize];
+    for SampleSquare { columns, rows, .. } in squares {
+        for row in &mut reached[(rows.start - first_row) as usize..(rows.end - first_row) as usize]
+        {
+            *row = (row.0.min(columns.start), row.1.max(columns.end));
+        }
+    }
+    Some((first_row as usize, reached))
+}
+
 impl Footprint {
     /// The part of the detector plane from which light reaches the detector.
     pub fn window(camera: &Camera, fidelity: &Fidelity) -> Window {
@@ -97,103 +155,90 @@ impl Footprint {
         if let Some(streak) = Footprint::streak(limit, track, camera, fidelity, light, level) {
             return streak;
         }
-        let (width, height) = (camera.detector.width as i64, camera.detector.height as i64);
-        let inside = |range: &Range<i64>, size: i64| {
-            let first = range.start.max(0);
-            first..range.end.min(size).max(first)
-        };
-        let boxes: Vec<(&Sample, Drawn<'_>, Range<i64>, Range<i64>)> = track
-            .samples
-            .iter()
-            .filter(|sample| sample.is_somewhere())
-            .map(|s| {
-                let drawn = Drawn::around(s.at, camera, fidelity, light);
-                let columns = inside(&drawn.square[0], width);
-                let rows = s.rows(&inside(&drawn.square[1], height));
-                (s, drawn, columns, rows)
-            })
-            .filter(|(_, _, columns, rows)| !columns.is_empty() && !rows.is_empty())
-            .collect();
-        let Some(first_row) = boxes.iter().map(|(.., rows)| rows.start).min() else {
+        let squares = SampleSquare::of(track, camera, fidelity, light);
+        let Some((first_row, reached)) = reached_rows(&squares) else {
             return Footprint::default();
         };
-        let past_row = boxes
-            .iter()
-            .map(|(.., rows)| rows.end)
-            .max()
-            .unwrap_or(first_row);
-
-        let stamps_ns = boxes.iter().map(|(_, _, columns, rows)| {
-            let [wide, high] = [columns, rows].map(|range| (range.end - range.start) as f64);
-            camera.optics.psf.stamp_ns((wide * high).sqrt())
+        let stamps_ns = squares.iter().map(|square| {
+            let [wide, high] = [&square.columns, &square.rows].map(length);
+            camera
+                .optics
+                .psf
+                .stamp_ns((wide as f64 * high as f64).sqrt())
         });
         limit.spend(stamps_ns.sum());
-
-        let mut reached = vec![(i64::MAX, 0); (past_row - first_row) as usize];
-        for (_, _, columns, rows) in &boxes {
-            for row in
-                &mut reached[(rows.start - first_row) as usize..(rows.end - first_row) as usize]
-            {
-                *row = (row.0.min(columns.start), row.1.max(columns.end));
-            }
-        }
-        let (spans, total) = spans_of(&reached, width);
+        let (spans, total) = spans_of(&reached, camera.detector.width as i64);
         limit.spend(f64::from(total) * HELD_NS);
         if limit.is_over() {
             return Footprint::default();
         }
-        let mut shares = vec![0.0f32; total as usize];
-        let mut stamp = Stamp::of(level);
-        let (mut evaluated, mut wings) = (0, Wings::default());
-        let mut collected = Vec::new();
-        for (sample, drawn, columns, rows) in boxes {
+        let mut footprint = Footprint {
+            first_row,
+            spans,
+            shares: vec![0.0; total as usize],
+            ..Footprint::default()
+        };
+        let (mut stamp, mut collected) = (Stamp::of(level), Vec::new());
+        for square in squares {
             if limit.is_over() {
                 return Footprint::default();
             }
-            let Sample { at, weight, .. } = sample;
-            evaluated += (columns.end - columns.start) as u64 * (rows.end - rows.start) as u64;
-            let psf = &drawn.psf;
-            psf.spread(*weight, *at, columns.clone(), rows.clone(), &mut stamp);
-            let wide = (columns.end - columns.start) as usize;
-            let undrawn = psf.undrawn(*at, &drawn.square, fidelity);
-            wings = wings.and(&Wings {
-                drawn_px: drawn.reach,
-                undrawn,
-            });
-            let rest = weight * undrawn;
-            let whole = drawn.square == [columns.clone(), rows.clone()];
-            // A core narrower than a pixel has its own centre.
-            let centre = if rest > 0.0 && whole && psf.core_px() > 0.4 {
-                drawn.rest_around(*at, rest, &stamp.light)
-            } else {
-                *at
-            };
-            let [across, down] = [0, 1].map(|axis| drawn.even(axis, centre));
-            sample.shares(&rows, &mut collected);
-            let lines = stamp.light.chunks_exact(wide).zip(&collected);
-            for (row, (light, collected)) in rows.zip(lines).filter(|(_, (_, c))| **c != 0.0) {
-                let span = spans[(row - first_row) as usize];
-                let from = span.offset as usize + (columns.start as usize - span.column as usize);
-                let out = &mut shares[from..from + wide];
-                for (out, light) in out.iter_mut().zip(light) {
-                    *out += (*light * collected) as f32;
-                }
-                if rest > 0.0 {
-                    let rest = rest * down(row) * collected;
-                    for (out, column) in out.iter_mut().zip(columns.clone()) {
-                        *out += (rest * across(column)) as f32;
-                    }
-                }
-            }
+            footprint.add(&square, fidelity, &mut stamp, &mut collected);
         }
         // Shares of rows that open or close are sums with both signs.
-        shares.iter_mut().for_each(|share| *share = share.max(0.0));
-        Footprint {
-            first_row: first_row as usize,
-            spans,
-            shares,
-            evaluated,
-            wings,
+        let shares = footprint.shares.iter_mut();
+        shares.for_each(|share| *share = share.max(0.0));
+        footprint
+    }
+
+    /// Adds the light of a sample, with two buffers.
+    fn add(
+        &mut self,
+        square: &SampleSquare<'_>,
+        fidelity: &Fidelity,
+        stamp: &mut Stamp,
+        collected: &mut Vec<f64>,
+    ) {
+        let SampleSquare {
+            sample,
+            drawn,
+            columns,
+            rows,
+        } = square;
+        let Sample { at, weight, .. } = *sample;
+        let wide = length(columns);
+        self.evaluated += (wide * length(rows)) as u64;
+        let psf = &drawn.psf;
+        psf.spread(*weight, *at, columns.clone(), rows.clone(), stamp);
+        let undrawn = psf.undrawn(*at, &drawn.square, fidelity);
+        self.wings = self.wings.and(&Wings {
+            drawn_px: drawn.reach,
+            undrawn,
+        });
+        let rest = weight * undrawn;
+        let whole = drawn.square == [columns.clone(), rows.clone()];
+        // A core narrower than a pixel has its own centre.
+        let centre = if rest > 0.0 && whole && psf.core_px() > 0.4 {
+            drawn.rest_around(*at, rest, &stamp.light)
+        } else {
+            *at
+        };
+        let [across, down] = [0, 1].map(|axis| drawn.even(axis, centre));
+        sample.shares(rows, collected);
+        let lines = stamp.light.chunks_exact(wide).zip(&*collected);
+        for (row, (light, collected)) in rows.clone().zip(lines).filter(|(_, (_, c))| **c != 0.0) {
+            let span = self.spans[row as usize - self.first_row];
+            let from = span.offset as usize + (columns.start as usize - span.column as usize);
+            let out = &mut self.shares[from..from + wide];
+            for (out, light) in out.iter_mut().zip(light) {
+                *out += (*light * collected) as f32;
+            }
+            if rest > 0.0 {
+                let rest = rest * down(row) * collected;
+                for (out, column) in out.iter_mut().zip(columns.clone()) {
+                    *out += (rest * across(column)) as f32;
+                }
+            }
         }
     }
 

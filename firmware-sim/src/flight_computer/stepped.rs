@@ -3,11 +3,26 @@
 use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
+use hifitime::Epoch;
 use skyloop_protocols::{Reason, apid};
 
 use super::{FlightComputer, GRANT_AGAIN, RunError, Watch};
 use crate::event::{Event, Loss};
 use crate::exchange::{Incoming, TICK};
+use crate::report::NackRecord;
+
+/// An attitude whose frame is awaited.
+struct Attempt {
+    sequence: u32,
+    epoch: Epoch,
+    /// Sequence counts of its copies.
+    copies: Vec<u16>,
+    /// Number of copies that arrived damaged.
+    damaged: u32,
+    begin: Instant,
+    /// When a copy was sent, or a packet of a frame arrived.
+    moved: Instant,
+}
 
 impl FlightComputer {
     pub(super) fn run_stepped(
@@ -31,14 +46,19 @@ impl FlightComputer {
 
     /// Sends one attitude, repeated if necessary, until its frame is complete, refused or lost.
     fn step(&mut self, sequence: u32, watch: &mut Watch<'_>) -> Result<ControlFlow<()>, RunError> {
-        /// Damaged copies of an attitude before it counts as refused.
-        const MAX_DAMAGED: u32 = 16;
         let epoch = self.mission.epoch(sequence);
-        let mut copies = vec![self.send_attitude(sequence, epoch)?];
+        let copies = vec![self.send_attitude(sequence, epoch)?];
         self.links.set_attitude(Some(sequence));
         let begin = Instant::now();
-        let mut moved = begin;
-        let (mut damaged, mut seen) = (0, self.links.last_frame_packet());
+        let mut attempt = Attempt {
+            sequence,
+            epoch,
+            copies,
+            damaged: 0,
+            begin,
+            moved: begin,
+        };
+        let mut seen = self.links.last_frame_packet();
         loop {
             let left = self.mission.timeout.saturating_sub(begin.elapsed());
             if left.is_zero() {
@@ -54,74 +74,94 @@ impl FlightComputer {
             if watch(tick).is_break() {
                 return Ok(ControlFlow::Break(()));
             }
-            moved = moved.max(arrived.unwrap_or(begin));
-            let timeout = self.repeat_after(sequence) * copies.len() as u32;
-            let silent = moved.elapsed();
+            attempt.moved = attempt.moved.max(arrived.unwrap_or(begin));
+            let timeout = self.repeat_after(sequence) * attempt.copies.len() as u32;
+            let silent = attempt.moved.elapsed();
             if silent >= timeout {
-                // The emulator repeats the same frame.
-                copies.push(self.send_attitude(sequence, epoch)?);
-                self.report.recovery.attitudes += 1;
+                self.repeat(&mut attempt)?;
                 self.links.query()?;
-                moved = Instant::now();
                 continue;
             }
             let wait = left.min(GRANT_AGAIN).min(timeout - silent);
-            let flow = match self.links.receive(wait)? {
-                None => {
-                    if wait == GRANT_AGAIN {
-                        self.links.grant()?;
+            match self.links.receive(wait)? {
+                None if wait == GRANT_AGAIN => self.links.grant()?,
+                None => {}
+                Some(incoming) => {
+                    if let ControlFlow::Break(flow) = self.reply(&mut attempt, incoming, watch)? {
+                        return Ok(flow);
                     }
-                    ControlFlow::Continue(())
                 }
-                Some(Incoming::Frame(frame)) if frame.header.attitude_sequence == sequence => {
-                    if copies.len() == 1 {
-                        self.answered_after(frame.header_at.saturating_duration_since(begin));
-                    }
-                    self.remember(sequence);
-                    return Ok(self.take(&frame, watch));
-                }
-                Some(Incoming::Nack(nack))
-                    if nack.apid == apid::ATTITUDE && copies.contains(&nack.sequence_count) =>
-                {
-                    self.report.refused += 1;
-                    return Ok(self.note_nack(nack, watch));
-                }
-                // Counts as lost in transit.
-                Some(Incoming::Damaged(nack))
-                    if nack.apid == apid::ATTITUDE && copies.contains(&nack.sequence_count) =>
-                {
-                    damaged += 1;
-                    if damaged > MAX_DAMAGED {
-                        self.report.refused += 1;
-                        return Ok(self.note_nack(nack, watch));
-                    }
-                    copies.push(self.send_attitude(sequence, epoch)?);
-                    self.report.recovery.attitudes += 1;
-                    moved = Instant::now();
-                    ControlFlow::Continue(())
-                }
-                // A late copy of an earlier attitude whose frame is complete.
-                Some(Incoming::Nack(nack))
-                    if nack.apid == apid::ATTITUDE && nack.reason == Reason::TimeBackwards =>
-                {
-                    self.report.recovery.refused += 1;
-                    ControlFlow::Continue(())
-                }
-                Some(Incoming::Useless(error)) if error.is_damaged_frame() => {
-                    return Ok(self.lose(sequence, Loss::Damaged(error), watch));
-                }
-                Some(Incoming::Frame(frame))
-                    if self.taken.contains(&frame.header.attitude_sequence) =>
-                {
-                    self.report.recovery.duplicates += 1;
-                    ControlFlow::Continue(())
-                }
-                Some(other) => self.note(other, watch),
-            };
-            if flow.is_break() {
-                return Ok(flow);
             }
         }
+    }
+
+    /// Sends the attitude again; the emulator repeats the same frame.
+    fn repeat(&mut self, attempt: &mut Attempt) -> Result<(), RunError> {
+        let copy = self.send_attitude(attempt.sequence, attempt.epoch)?;
+        attempt.copies.push(copy);
+        self.report.recovery.attitudes += 1;
+        attempt.moved = Instant::now();
+        Ok(())
+    }
+
+    /// Handles a reply; breaks when the attitude has its frame, or will have none.
+    fn reply(
+        &mut self,
+        attempt: &mut Attempt,
+        incoming: Incoming,
+        watch: &mut Watch<'_>,
+    ) -> Result<ControlFlow<ControlFlow<()>>, RunError> {
+        /// Damaged copies of an attitude before it counts as refused.
+        const MAX_DAMAGED: u32 = 16;
+        let sequence = attempt.sequence;
+        let is_answer = |nack: &NackRecord| {
+            nack.apid == apid::ATTITUDE && attempt.copies.contains(&nack.sequence_count)
+        };
+        let flow = match incoming {
+            Incoming::Frame(frame) if frame.header.attitude_sequence == sequence => {
+                if attempt.copies.len() == 1 {
+                    let took = frame.header_at.saturating_duration_since(attempt.begin);
+                    self.answered_after(took);
+                }
+                self.remember(sequence);
+                return Ok(ControlFlow::Break(self.take(&frame, watch)));
+            }
+            Incoming::Nack(nack) if is_answer(&nack) => {
+                self.report.refused += 1;
+                return Ok(ControlFlow::Break(self.note_nack(nack, watch)));
+            }
+            // Counts as lost in transit.
+            Incoming::Damaged(nack) if is_answer(&nack) => {
+                attempt.damaged += 1;
+                if attempt.damaged > MAX_DAMAGED {
+                    self.report.refused += 1;
+                    return Ok(ControlFlow::Break(self.note_nack(nack, watch)));
+                }
+                self.repeat(attempt)?;
+                ControlFlow::Continue(())
+            }
+            // A late copy of an earlier attitude whose frame is complete.
+            Incoming::Nack(nack)
+                if nack.apid == apid::ATTITUDE && nack.reason == Reason::TimeBackwards =>
+            {
+                self.report.recovery.refused += 1;
+                ControlFlow::Continue(())
+            }
+            Incoming::Useless(error) if error.is_damaged_frame() => {
+                let flow = self.lose(sequence, Loss::Damaged(error), watch);
+                return Ok(ControlFlow::Break(flow));
+            }
+            Incoming::Frame(frame) if self.taken.contains(&frame.header.attitude_sequence) => {
+                self.report.recovery.duplicates += 1;
+                ControlFlow::Continue(())
+            }
+            other => self.note(other, watch),
+        };
+        Ok(if flow.is_break() {
+            ControlFlow::Break(flow)
+        } else {
+            ControlFlow::Continue(())
+        })
     }
 
     /// Time without a reply before an attitude is repeated.

@@ -18,19 +18,11 @@ impl FlightComputer {
         rate_hz: Option<f64>,
         watch: &mut Watch<'_>,
     ) -> Result<ControlFlow<()>, RunError> {
-        let begin = self.begin;
+        let (begin, rate_hz) = (self.begin, rate_hz.unwrap_or(0.0));
         let (mut sequence, mut last_sign, mut last_grant) = (0u32, begin, begin);
         let mut frames = Numbers::default();
         let mut flow = ControlFlow::Continue(());
-        // Pause and resume commands with their times, in order.
-        let pause = self.pause.into_iter();
-        let commands = pause.flat_map(|Pause { after, lasts }| {
-            [
-                (after, Command::Pause),
-                (after.saturating_add(lasts), Command::Resume),
-            ]
-        });
-        let mut commands = commands.peekable();
+        let mut commands = self.pause.map(commands).into_iter().flatten().peekable();
         let mut paused = false;
         // Packets since the last attitude; none: the queue is empty.
         let mut taken = None;
@@ -38,14 +30,7 @@ impl FlightComputer {
             && watch(Event::Tick).is_continue()
             && self.report.frames.saturating_add(self.report.lost) < self.mission.frames
         {
-            let rate_hz = rate_hz.unwrap_or(0.0);
-            // Without a rate even the first attitude is never due.
-            let due = if rate_hz > 0.0 {
-                Duration::try_from_secs_f64(f64::from(sequence) / rate_hz)
-            } else {
-                Ok(Duration::MAX)
-            };
-            let due = due.unwrap_or(Duration::MAX);
+            let due = due(sequence, rate_hz);
             // The clock is read once per turn: there are tens of thousands of turns a second.
             let now = Instant::now();
             let elapsed = now.saturating_duration_since(begin);
@@ -85,20 +70,11 @@ impl FlightComputer {
             taken = taken
                 .filter(|_| incoming.is_some())
                 .map(|packets| packets + 1);
-            flow = match incoming {
-                None => ControlFlow::Continue(()),
-                Some(Incoming::Frame(frame)) => {
-                    last_sign = Instant::now();
-                    frames.arrived(frame.header.frame);
-                    let flow = self.take(&frame, watch);
-                    self.links.recycle(*frame);
-                    flow
-                }
-                Some(Incoming::Useless(error)) if error.is_damaged_frame() => {
-                    self.lose(self.last_sent(), Loss::Damaged(error), watch)
-                }
-                Some(other) => self.note(other, watch),
-            };
+            if let Some(Incoming::Frame(frame)) = &incoming {
+                last_sign = Instant::now();
+                frames.arrived(frame.header.frame);
+            }
+            flow = self.handle(incoming, watch);
             let links = &self.links;
             for _ in 0..frames.settle(|number| links.is_in_flight(number)) {
                 // The current frame counts, even if `watch` stops the run.
@@ -106,6 +82,40 @@ impl FlightComputer {
             }
         }
         Ok(flow)
+    }
+
+    fn handle(&mut self, incoming: Option<Incoming>, watch: &mut Watch<'_>) -> ControlFlow<()> {
+        match incoming {
+            None => ControlFlow::Continue(()),
+            Some(Incoming::Frame(frame)) => {
+                let flow = self.take(&frame, watch);
+                self.links.recycle(*frame);
+                flow
+            }
+            Some(Incoming::Useless(error)) if error.is_damaged_frame() => {
+                self.lose(self.last_sent(), Loss::Damaged(error), watch)
+            }
+            Some(other) => self.note(other, watch),
+        }
+    }
+}
+
+/// Pause and resume commands with their times, in order.
+fn commands(pause: Pause) -> [(Duration, Command); 2] {
+    let Pause { after, lasts } = pause;
+    [
+        (after, Command::Pause),
+        (after.saturating_add(lasts), Command::Resume),
+    ]
+}
+
+/// When an attitude is due; without a rate even the first is never due.
+fn due(sequence: u32, rate_hz: f64) -> Duration {
+    if rate_hz > 0.0 {
+        let due = Duration::try_from_secs_f64(f64::from(sequence) / rate_hz);
+        due.unwrap_or(Duration::MAX)
+    } else {
+        Duration::MAX
     }
 }
 

@@ -142,29 +142,7 @@ fn rule(
         Some(for_s) => Some(check.limit(LIMITS, &key("for_s"), for_s)?),
         None => None,
     };
-    let value = match (raw.value, kind) {
-        (Some(value), _) => value,
-        (None, kind) if kind.is_switch() => 1.0,
-        (None, _) => {
-            let why = "missing: a probability, or seconds of delay and jitter";
-            return Err(check.explain(&key("value"), why).needs(&[&key("kind")]));
-        }
-    };
-    if value == 0.0 {
-        let why = "0: the fault would do nothing; an earlier one ends by its for_s";
-        return Err(check.explain(&key("value"), why));
-    }
-    if kind.is_switch() && value != 1.0 {
-        let allowed = format!("1, as {} is on or off", raw.kind);
-        let error = check.refuse(&key("value"), value, allowed);
-        return Err(error.needs(&[&key("kind")]));
-    }
-    let max = match kind {
-        FaultKind::Delay | FaultKind::Jitter => 60.0,
-        _ => 1.0,
-    };
-    let inside = check.range(&key("value"), value, f64::MIN_POSITIVE..=max);
-    let value = inside.map_err(|error| error.needs(&[&key("kind")]))?;
+    let value = value(check, &key, raw, *kind)?;
     let from = Duration::from_secs_f64(at_s);
     Ok(Rule::new(
         Fault {
@@ -178,6 +156,39 @@ fn rule(
         from,
         for_s.map(|for_s| from + Duration::from_secs_f64(for_s)),
     ))
+}
+
+/// A probability, or seconds of delay and jitter; 1 for a fault that is on or off.
+fn value(
+    check: &Check<'_>,
+    key: impl Fn(&str) -> String,
+    raw: &RawFault,
+    kind: FaultKind,
+) -> Result<f64, ConfigError> {
+    let needs_kind = |error: ConfigError| error.needs(&[&key("kind")]);
+    let key = key("value");
+    let value = match raw.value {
+        Some(value) => value,
+        None if kind.is_switch() => 1.0,
+        None => {
+            let why = "missing: a probability, or seconds of delay and jitter";
+            return Err(needs_kind(check.explain(&key, why)));
+        }
+    };
+    if value == 0.0 {
+        let why = "0: the fault would do nothing; an earlier one ends by its for_s";
+        return Err(check.explain(&key, why));
+    }
+    if kind.is_switch() && value != 1.0 {
+        let allowed = format!("1, as {} is on or off", raw.kind);
+        return Err(needs_kind(check.refuse(&key, value, allowed)));
+    }
+    let max = match kind {
+        FaultKind::Delay | FaultKind::Jitter => 60.0,
+        _ => 1.0,
+    };
+    let inside = check.range(&key, value, f64::MIN_POSITIVE..=max);
+    inside.map_err(needs_kind)
 }
 
 #[cfg(test)]

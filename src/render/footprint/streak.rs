@@ -7,12 +7,12 @@ use crate::kernels::{self, Circle, Dot, Ends, MAX_TILE_OFFSET, ROWS, Real, Sheet
 use crate::track::{Lit, Sample, Track};
 use skyloop_base::abort::WorkLimit;
 use skyloop_orbit::sgp4_batch::Level;
-use std::cell::Cell;
+use std::cell::RefCell;
 
 thread_local! {
     /// Buffers for streaks, reused: a frame has a thousand short ones, for which the allocator took
     /// a thirtieth of its time.
-    static ROOM: Cell<Room> = Cell::default();
+    static BUFFERS: RefCell<StreakBuffers> = RefCell::default();
 }
 
 /// Pixels copied together.
@@ -23,7 +23,7 @@ const SINGLE_PRECISION_LOSS: f64 = 3e-7;
 
 /// Buffers for a streak.
 #[derive(Default)]
-struct Room {
+struct StreakBuffers {
     dots: Vec<Dot>,
     rows: Rows,
     /// The sheet's light in single precision, which most streaks have.
@@ -54,23 +54,6 @@ impl Footprint {
         light: &Light,
         level: Option<Level>,
     ) -> Option<Footprint> {
-        let mut room = ROOM.take();
-        let footprint = room.streak(limit, track, camera, fidelity, light, level);
-        ROOM.set(room);
-        footprint
-    }
-}
-
-impl Room {
-    fn streak(
-        &mut self,
-        limit: &WorkLimit,
-        track: &Track,
-        camera: &Camera,
-        fidelity: &Fidelity,
-        light: &Light,
-        level: Option<Level>,
-    ) -> Option<Footprint> {
         let (single, double) = camera.optics.psf.lines()?;
         let radius = camera.optics.psf.circle_px(fidelity, light.electrons)?;
         // False for NaN.
@@ -78,18 +61,54 @@ impl Room {
         if track.samples.len() < 2 || !is_in_range {
             return None;
         }
+        BUFFERS.with_borrow_mut(|buffers| {
+            buffers.take_samples(track, camera, radius)?;
+            let StreakBuffers {
+                dots,
+                rows,
+                light: single_light,
+            } = buffers;
+            let circle = Circle::new(radius);
+            let side = circle.side as f64;
+            limit.spend(dots.len() as f64 * (DOT_NS + side * side * DOT_PIXEL_NS));
+            if limit.is_over() || rows.reach(dots, &circle, level).is_none() {
+                return Some(Footprint::default());
+            }
+            let sides = [camera.detector.width as i32, camera.detector.height as i32];
+            let footprint = if fidelity.loss(light.electrons) < SINGLE_PRECISION_LOSS {
+                let mut light = Vec::new();
+                let mut sheet = rows.sheet(&mut light);
+                kernels::add_dots_f64(level, double, &circle, dots, &mut sheet);
+                rows.cut(&light, sides)
+            } else {
+                let mut sheet = rows.sheet(single_light);
+                kernels::add_dots(level, single, &circle, dots, &mut sheet);
+                rows.cut(single_light, sides)
+            };
+            limit.spend(footprint.shares.len() as f64 * HELD_NS);
+            Some(Footprint {
+                evaluated: (dots.len() * circle.side * circle.side) as u64,
+                wings: Wings {
+                    drawn_px: radius,
+                    undrawn: 0.0,
+                },
+                ..footprint
+            })
+        })
+    }
+}
+
+impl StreakBuffers {
+    /// Takes the samples whose circles of `radius` pixels touch the detector; none if a sample has
+    /// closed or partly open rows.
+    fn take_samples(&mut self, track: &Track, camera: &Camera, radius: f64) -> Option<()> {
         // Circles with centres in between touch the detector.
         let [low, high] = [[0.0; 2], camera.detector.sides()];
         let [low, high] = [
             low.map(|x| x - 0.5 - radius),
             high.map(|x| x - 0.5 + radius),
         ];
-        let Room {
-            dots,
-            rows,
-            light: single_light,
-        } = self;
-        dots.clear();
+        self.dots.clear();
         for Sample {
             at,
             weight,
@@ -103,38 +122,10 @@ impl Room {
             // False for NaN.
             let touches = |k: usize| at[k] >= low[k] && at[k] <= high[k];
             if touches(0) && touches(1) && weight.is_finite() {
-                dots.push(Dot::new(*at, *weight, radius));
+                self.dots.push(Dot::new(*at, *weight, radius));
             }
         }
-        let circle = Circle::new(radius);
-        let side = circle.side as f64;
-        limit.spend(dots.len() as f64 * (DOT_NS + side * side * DOT_PIXEL_NS));
-        if limit.is_over() {
-            return Some(Footprint::default());
-        }
-        if rows.reach(dots, &circle, level).is_none() {
-            return Some(Footprint::default());
-        }
-        let sides = [camera.detector.width as i32, camera.detector.height as i32];
-        let footprint = if fidelity.loss(light.electrons) < SINGLE_PRECISION_LOSS {
-            let mut light = Vec::new();
-            let mut sheet = rows.sheet(&mut light);
-            kernels::add_dots_f64(level, double, &circle, dots, &mut sheet);
-            rows.cut(&light, sides)
-        } else {
-            let mut sheet = rows.sheet(single_light);
-            kernels::add_dots(level, single, &circle, dots, &mut sheet);
-            rows.cut(single_light, sides)
-        };
-        limit.spend(footprint.shares.len() as f64 * HELD_NS);
-        Some(Footprint {
-            evaluated: (dots.len() * circle.side * circle.side) as u64,
-            wings: Wings {
-                drawn_px: radius,
-                undrawn: 0.0,
-            },
-            ..footprint
-        })
+        Some(())
     }
 }
 

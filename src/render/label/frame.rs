@@ -7,16 +7,14 @@ use super::objects::{BYTES, Objects};
 use super::rounded::{e4, e6, some_bound, some_e4, some_short};
 use super::visible::is_listed;
 use super::{artifact, empty, unseen};
-use crate::attitude::degrees_of_turn;
+use crate::attitude::{VehicleState, degrees_of_turn};
 use crate::camera::Camera;
 use crate::effect::{Decision, name_of};
 use crate::plan::{Plan, Step};
 use crate::scene::{EffectId, Scene, Source, World, flooded_by};
-use nalgebra::Vector3;
 use rayon::prelude::*;
 use schemars::JsonSchema;
 use serde::Serialize;
-use skyloop_orbit::StateVector;
 use skyloop_orbit::time::utc_text;
 use std::collections::BTreeMap;
 
@@ -176,12 +174,6 @@ impl Label {
         let view = &scene.view;
         let Camera { name, mounting, .. } = view.camera.as_ref();
         let (vehicle, exposure) = (&view.vehicle, &view.exposure);
-        let centre = StateVector {
-            position_m: Vector3::zeros(),
-            velocity_m_s: Vector3::zeros(),
-        };
-        let state = vehicle.orbit.as_ref().unwrap_or(&centre);
-        let (r, v) = (km(&state.position_m), km(&state.velocity_m_s));
         let pointing = view.pointing(0.0);
         let matrix = pointing.matrix();
         let [ra, dec, roll] = pointing.ra_dec_roll();
@@ -189,30 +181,10 @@ impl Label {
         let artifacts = artifact::artifacts(scene, label_snr);
         let beyond = scene.particles_left_out;
         let unseen = unseen::listed(scene, world, label_snr);
-        // A filtered iterator has no length; the parallel one below must have one.
-        let sources = scene.sources.iter();
-        let sources: Vec<&Source> = sources
-            .filter(|source| is_listed(source, scene, label_snr))
-            .collect();
-        let mut objects = memory;
-        objects.clear();
-        objects.reserve(sources.len());
-        let steps = &plan.steps;
-        let (effects, ()) = rayon::join(
-            || {
-                steps
-                    .iter()
-                    .map(|step| EffectLabel::new(plan, step))
-                    .collect()
-            },
-            || {
-                // The label of a cancelled frame is not used.
-                let parts = sources.chunks(PART);
-                for part in parts.take_while(|_| !view.limit.is_cancelled()) {
-                    let part = part.par_iter().with_min_len(TASK);
-                    objects.par_extend(part.map(|source| object(source, scene, world)));
-                }
-            },
+        let steps = plan.steps.iter();
+        let (effects, objects) = rayon::join(
+            || steps.map(|step| EffectLabel::new(plan, step)).collect(),
+            || object_labels(memory, scene, world, label_snr),
         );
         Label {
             frame,
@@ -227,7 +199,7 @@ impl Label {
             q_icrf_to_body: vehicle.attitude.xyzw(),
             q_body_to_camera: mounting.xyzw(),
             rates_rad_s: vehicle.rates.into(),
-            state_gcrf_km: [r[0], r[1], r[2], v[0], v[1], v[2]],
+            state_gcrf_km: state_km(vehicle),
             r_icrf_to_camera: [0, 1, 2].map(|i| matrix.row(i).transpose().into()),
             ra_deg: degrees_of_turn(ra),
             dec_deg: dec.to_degrees(),
@@ -281,4 +253,37 @@ impl Label {
         text.push(b'}');
         Ok(())
     }
+}
+
+/// Position (km) and velocity (km/s) in GCRF; zeros without an orbit.
+fn state_km(vehicle: &VehicleState) -> [f64; 6] {
+    let Some(state) = &vehicle.orbit else {
+        return [0.0; 6];
+    };
+    let (r, v) = (km(&state.position_m), km(&state.velocity_m_s));
+    [r[0], r[1], r[2], v[0], v[1], v[2]]
+}
+
+/// The labels of the listed sources, in the memory of an earlier label's.
+fn object_labels(
+    memory: Vec<ObjectLabel>,
+    scene: &Scene,
+    world: &World,
+    label_snr: f64,
+) -> Vec<ObjectLabel> {
+    // A filtered iterator has no length; the parallel one below must have one.
+    let sources = scene.sources.iter();
+    let sources: Vec<&Source> = sources
+        .filter(|source| is_listed(source, scene, label_snr))
+        .collect();
+    let mut objects = memory;
+    objects.clear();
+    objects.reserve(sources.len());
+    // The label of a cancelled frame is not used.
+    let parts = sources.chunks(PART);
+    for part in parts.take_while(|_| !scene.view.limit.is_cancelled()) {
+        let part = part.par_iter().with_min_len(TASK);
+        objects.par_extend(part.map(|source| object(source, scene, world)));
+    }
+    objects
 }

@@ -98,43 +98,20 @@ pub fn object(source: &Source, scene: &Scene, world: &World) -> ObjectLabel {
             0.0
         }
     };
-    let (kind, id, names, mag, direction, rso) = match &source.body {
+    let (kind, id, names) = names_of(&source.body, world);
+    let (mag, direction, rso, planet) = match &source.body {
         Body::Star(seen) => {
-            let catalog = world.stars.catalog();
-            let star = &catalog.stars()[seen.index];
-            (
-                STAR,
-                catalog.id(star),
-                catalog.names(star),
-                star.v_mag,
-                seen.direction,
-                None,
-            )
+            let star = &world.stars.catalog().stars()[seen.index];
+            (star.v_mag, seen.direction, None, None)
         }
         Body::Rso(seen) => {
-            let object = &world.population.objects()[seen.index];
-            let (id, names) = (object.id.clone(), object.names.clone());
-            (
-                RSO,
-                id,
-                names,
-                seen.mag,
-                seen.apparent.direction,
-                Some(rso_label(seen)),
-            )
+            let direction = seen.apparent.direction;
+            (seen.mag, direction, Some(rso_label(seen)), None)
         }
-        Body::Planet(seen) => (
-            seen.kind(),
-            seen.name.to_string(),
-            Vec::new(),
-            seen.mag,
-            seen.directions[1],
-            None,
-        ),
-    };
-    let planet = match &source.body {
-        Body::Planet(seen) => Some(PlanetLabel::new(seen, source, scene)),
-        Body::Star(_) | Body::Rso(_) => None,
+        Body::Planet(seen) => {
+            let planet = PlanetLabel::new(seen, source, scene);
+            (seen.mag, seen.directions[1], None, Some(planet))
+        }
     };
     let [ra_deg, dec_deg] = ra_dec_deg(&direction);
     let in_frame = scene.view.camera.detector.contains([x_px, y_px]);
@@ -164,6 +141,22 @@ pub fn object(source: &Source, scene: &Scene, world: &World) -> ObjectLabel {
         reason,
         rso,
         planet,
+    }
+}
+
+/// Kind, identifier and names.
+fn names_of(body: &Body, world: &World) -> (&'static str, String, Vec<String>) {
+    match body {
+        Body::Star(seen) => {
+            let catalog = world.stars.catalog();
+            let star = &catalog.stars()[seen.index];
+            (STAR, catalog.id(star), catalog.names(star))
+        }
+        Body::Rso(seen) => {
+            let object = &world.population.objects()[seen.index];
+            (RSO, object.id.clone(), object.names.clone())
+        }
+        Body::Planet(seen) => (seen.kind(), seen.name.to_string(), Vec::new()),
     }
 }
 

@@ -52,6 +52,12 @@ impl Arriving {
         sum.try_normalize(0.0)
     }
 
+    /// The greatest light of a cell.
+    pub fn brightest(&self) -> f64 {
+        let shares = self.lit.iter().map(|(_, share)| *share);
+        shares.fold(0.0, f64::max)
+    }
+
     /// Its cells as points around a centre.
     pub fn elements(&self, centre: &Vector3<f64>) -> Vec<Element> {
         let element = |(at, share): &(Vector3<f64>, f64)| Element {

@@ -75,11 +75,8 @@ pub fn the_moon(
             irradiance: photon_irradiance(view.camera.optics.band.zero_point(), mag),
             turning: directions[0].cross(&directions[2]) / view.open_s.max(f64::MIN_POSITIVE),
         };
-        // The light of the brightest square, scaled to a pixel.
-        let shares = arriving.lit.iter().map(|(_, share)| *share);
-        let brightest = shares.fold(0.0, f64::max);
         let square_px = 2.0 * disc.angular_radius * view.scale_and_corner_px.0 / count;
-        let max_e = clear_e * brightest / f64::max(arriving.all, f64::MIN_POSITIVE);
+        let max_e = clear_e * arriving.brightest() / f64::max(arriving.all, f64::MIN_POSITIVE);
         large.area(2.0 * max_e / (square_px * square_px))
     });
     let points = match area {

@@ -71,6 +71,17 @@ pub fn work(view: &View, seconds: f64, fidelity: &Fidelity) -> Work {
     work
 }
 
+/// Positions of a source during `seconds`, those in front of the camera, px.
+fn positions(view: &View, candidate: &Candidate, seconds: f64) -> Vec<[f64; 2]> {
+    let positions = (0..SAMPLES).filter_map(|i| {
+        let dt_s = (i as f64 / (SAMPLES - 1) as f64 - 0.5) * seconds;
+        let part = 0.5 + dt_s / view.open_s.max(f64::MIN_POSITIVE);
+        let direction = view.pointing(dt_s).rotate(&candidate.body.line(part));
+        view.camera.optics.project(&direction)
+    });
+    positions.collect()
+}
+
 /// Adds the work of `share` sources like `candidate`.
 fn add_work(
     imaging: &Imaging<'_>,
@@ -81,14 +92,7 @@ fn add_work(
 ) {
     let (view, fidelity) = (imaging.view, imaging.fidelity);
     let (camera, detector) = (&view.camera, &view.camera.detector);
-    let positions = (0..SAMPLES).filter_map(|i| {
-        let dt_s = (i as f64 / (SAMPLES - 1) as f64 - 0.5) * seconds;
-        let part = 0.5 + dt_s / view.open_s.max(f64::MIN_POSITIVE);
-        camera
-            .optics
-            .project(&view.pointing(dt_s).rotate(&candidate.body.line(part)))
-    });
-    let positions: Vec<[f64; 2]> = positions.collect();
+    let positions = positions(view, candidate, seconds);
     let Some(middle) = positions.get(positions.len() / 2) else {
         return;
     };
@@ -103,12 +107,12 @@ fn add_work(
         work.moving_ms += share * 7.0 * EVALUATION_NS * 1e-6;
         return;
     }
-    let steps = positions
-        .windows(2)
-        .map(|ends| [0, 1].map(|k| ends[1][k] - ends[0][k]));
-    let (path_px, down) = steps.fold((0.0, 0.0), |(path_px, down), [x, y]: [f64; 2]| {
-        (path_px + libm::hypot(x, y) * lit, down + y.abs() * lit)
-    });
+    let (mut path_px, mut down) = (0.0, 0.0);
+    for ends in positions.windows(2) {
+        let [x, y] = [0, 1].map(|k| ends[1][k] - ends[0][k]);
+        path_px += libm::hypot(x, y) * lit;
+        down += y.abs() * lit;
+    }
     if path_px <= fidelity.skip_px {
         // So short a track is a point.
         return;

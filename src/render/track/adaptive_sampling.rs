@@ -35,7 +35,7 @@ const FAR_PX: f64 = 1e-5;
 /// Position evaluations for fitting a path through a piece.
 const PATH_EVALUATIONS: usize = 3;
 /// Greatest number of halvings of a piece.
-pub const DEPTH: u32 = 24;
+const DEPTH: u32 = 24;
 
 /// An instant (0..1) of a track and the image's position then; none behind the camera.
 pub type Knot = (f64, Option<Place>);
@@ -153,6 +153,25 @@ impl<F: Fn(f64) -> Option<Place>> Sampler<'_, F> {
             lit: Lit::ALL,
             parts: Vec::new(),
         })
+    }
+
+    /// Samples the pieces between `knots`.
+    pub fn pieces(&self, knots: &[Knot], samples: &mut Vec<Sample>) {
+        match *knots {
+            // The two halves of a short track are one panel if it is nearly straight; the same
+            // where a piece needs no panels.
+            [first, mid, last]
+                if mid.0 == (first.0 + last.0) / 2.0
+                    && (self.length_px <= self.spec.panel_px || self.even.is_some()) =>
+            {
+                self.piece_by(first, mid, last, DEPTH, samples);
+            }
+            _ => {
+                for ends in knots.windows(2) {
+                    self.piece(ends[0], ends[1], DEPTH, samples);
+                }
+            }
+        }
     }
 
     /// Samples the piece from `a` to `b`.

@@ -18,7 +18,7 @@ pub use sample::{Place, Sample};
 pub use track_spec::{Even, TrackSpec, Window};
 
 use crate::fidelity::Fidelity;
-use adaptive_sampling::{DEPTH, MIN_SIGMA_PX, Sampler, length};
+use adaptive_sampling::{MIN_SIGMA_PX, Sampler, length};
 use std::cell::Cell;
 
 thread_local! {
@@ -130,21 +130,7 @@ impl Track {
             (sigma_px, error)
         });
         let mut samples = SAMPLES.take();
-        match knots[..] {
-            // The two halves of a short track are one panel if it is nearly straight; the same
-            // where a piece needs no panels.
-            [first, mid, last]
-                if mid.0 == (first.0 + last.0) / 2.0
-                    && (sampler.length_px <= track_spec.panel_px || sampler.even.is_some()) =>
-            {
-                sampler.piece_by(first, mid, last, DEPTH, &mut samples);
-            }
-            _ => {
-                for ends in knots.windows(2) {
-                    sampler.piece(ends[0], ends[1], DEPTH, &mut samples);
-                }
-            }
-        }
+        sampler.pieces(&knots, &mut samples);
         track(samples)
     }
 }

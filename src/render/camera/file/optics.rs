@@ -83,28 +83,18 @@ impl RawOptics {
         let focal_m = limit("focal_length_mm", self.focal_length_mm)? * 1e-3;
         let aperture_m = limit("aperture_mm", self.aperture_mm)? * 1e-3;
         let lens_ratio = focal_m / aperture_m;
-        let size = [detector.width as f64, detector.height as f64];
-        let centre = size.map(|pixels| (pixels - 1.0) / 2.0);
-        let principal_px = self.principal_px.map_or(centre, |Fixed(at)| at);
-        for (i, pixels) in size.into_iter().enumerate() {
-            let key = format!("optics.principal_px[{i}]");
-            let inside = check.range(&key, principal_px[i], -pixels..=2.0 * pixels);
-            inside.map_err(|error| error.needs(&["detector.width_px", "detector.height_px"]))?;
-        }
+        let principal_px = self.principal_px(detector, check)?;
         let band = self.band.validate(check)?;
         let raw_projection = match self.projection {
             Some(raw) => raw.not_empty(check)?,
             None => RawProjection::default(),
         };
         let projection = raw_projection.validate(check)?;
+        let vignetting_deg = self.vignetting.as_ref();
+        let vignetting_deg = vignetting_deg.and_then(RawVignetting::last_angle_deg);
         let tables = [
             ("psf.width_by_field", self.psf.last_angle_deg()),
-            (
-                "vignetting.table",
-                self.vignetting
-                    .as_ref()
-                    .and_then(RawVignetting::last_angle_deg),
-            ),
+            ("vignetting.table", vignetting_deg),
         ];
         let vignetting = match self.vignetting {
             Some(raw) => raw.validate(check)?,
@@ -145,9 +135,8 @@ impl RawOptics {
                 self.focal_length_mm
             ));
         }
-        let edge = detector
-            .edge(0.0)
-            .map(|at| optics.direction(at).angle(&Vector3::z()));
+        let edge = detector.edge(0.0);
+        let edge = edge.map(|at| optics.direction(at).angle(&Vector3::z()));
         let field_deg = edge.fold(0.0, f64::max).to_degrees();
         let lit_deg = field_deg.min(optics.vignetting.end().to_degrees());
         optics.stray = RawStray::validate(self.stray, lit_deg, check)?;
@@ -159,6 +148,22 @@ impl RawOptics {
             }
         }
         Ok(optics)
+    }
+
+    /// The principal point, px; the detector's centre by default.
+    fn principal_px(&self, detector: &Detector, check: &Check) -> Result<[f64; 2], ConfigError> {
+        let size = [detector.width as f64, detector.height as f64];
+        let centre = size.map(|pixels| (pixels - 1.0) / 2.0);
+        let principal_px = match &self.principal_px {
+            Some(Fixed(at)) => *at,
+            None => centre,
+        };
+        for (i, pixels) in size.into_iter().enumerate() {
+            let key = format!("optics.principal_px[{i}]");
+            let inside = check.range(&key, principal_px[i], -pixels..=2.0 * pixels);
+            inside.map_err(|error| error.needs(&["detector.width_px", "detector.height_px"]))?;
+        }
+        Ok(principal_px)
     }
 }
 

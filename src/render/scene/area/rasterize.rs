@@ -222,12 +222,11 @@ impl Refinement<'_, '_, '_> {
         }
         let half = side / 2;
         let [a, top, b, left, middle, right, c, bottom, d] = nodes;
-        let value = |node: Option<f64>| node.unwrap_or(0.0);
         let square = Square {
             x: dx,
             y: dy,
             side,
-            nodes: nodes.map(|node| value(node) as f32),
+            nodes: nodes.map(|node| node.unwrap_or(0.0) as f32),
         };
         // Beyond the projection's end there is no light; the end is an edge. The excess of a full
         // pixel is invisible.
@@ -235,23 +234,7 @@ impl Refinement<'_, '_, '_> {
             self.pieces.even.push(square);
             return;
         }
-        let ends = [value(a), value(b), value(c), value(d)];
-        let lines = [
-            (ends[0] + ends[1]) / 2.0,
-            (ends[0] + ends[2]) / 2.0,
-            ends.iter().sum::<f64>() / 4.0,
-            (ends[1] + ends[3]) / 2.0,
-            (ends[2] + ends[3]) / 2.0,
-        ];
-        let between = [top, left, middle, right, bottom];
-        let missed = between.iter().zip(lines).map(|(node, line)| {
-            // Lines between nine nodes have a quarter of the error of lines between four; in both
-            // directions together up to half.
-            node.map_or(f64::INFINITY, |node| {
-                (node - line).abs() / (2.0 * grid.may_miss(node))
-            })
-        });
-        let missed = missed.fold(0.0, f64::max);
+        let missed = missed_at_nodes(grid, &nodes);
         let is_whole = nodes.iter().all(Option::is_some) && !self.has_edge(&part);
         let may_be_even = is_whole && missed <= 1.0 && before <= MAX_PARENT_ERROR;
         // Thin layers of unknown size may lie between all nodes of any grid.
@@ -286,4 +269,26 @@ impl Refinement<'_, '_, '_> {
             }
         }
     }
+}
+
+/// The greatest error of lines between the corners of a square, at its other nodes, in tolerances.
+fn missed_at_nodes(grid: &Grid<'_, '_>, nodes: &[Option<f64>; 9]) -> f64 {
+    let [a, top, b, left, middle, right, c, bottom, d] = *nodes;
+    let ends = [a, b, c, d].map(|node| node.unwrap_or(0.0));
+    let lines = [
+        (ends[0] + ends[1]) / 2.0,
+        (ends[0] + ends[2]) / 2.0,
+        ends.iter().sum::<f64>() / 4.0,
+        (ends[1] + ends[3]) / 2.0,
+        (ends[2] + ends[3]) / 2.0,
+    ];
+    let between = [top, left, middle, right, bottom];
+    let missed = between.iter().zip(lines).map(|(node, line)| {
+        // Lines between nine nodes have a quarter of the error of lines between four; in both
+        // directions together up to half.
+        node.map_or(f64::INFINITY, |node| {
+            (node - line).abs() / (2.0 * grid.may_miss(node))
+        })
+    });
+    missed.fold(0.0, f64::max)
 }

@@ -159,26 +159,20 @@ impl Sampler<'_, '_, '_> {
             .iter()
             .map(|sky| (sky, patch.crossing(self.grid.radiance.edge(), sky)));
         let count = skies.len() as f64;
+        let middle = self.grid.plane.to_sky(self.grid.plane.open_s(at[1])[0]);
         if self.grid.radiance.is_hidden_inside() {
-            let (outside, evaluations) =
-                crossings.fold((0.0, 0), |(outside, evaluations), (_, crossing)| {
-                    (
-                        outside + crossing.part(1),
-                        evaluations + crossing.evaluations,
-                    )
-                });
+            let (mut outside, mut evaluations) = (0.0, 0);
+            for (_, crossing) in crossings {
+                outside += crossing.part(1);
+                evaluations += crossing.evaluations;
+            }
             work.edges += evaluations / skies.len().max(1);
             work.lights += 1;
-            let sky = self.grid.plane.to_sky(self.grid.plane.open_s(at[1])[0]);
-            let (middle, taken) = patch.middle;
-            return self.grid.radiance.toward(&(sky * middle))
-                * taken
-                * self.grid.scale_e
-                * outside
-                / count;
+            let (seen, taken) = patch.middle;
+            let light = self.grid.radiance.toward(&(middle * seen)) * taken;
+            return light * self.grid.scale_e * outside / count;
         }
         let (mut sum, mut evaluations, mut edges) = (0.0, 0, 0);
-        let middle = self.grid.plane.to_sky(self.grid.plane.open_s(at[1])[0]);
         if self.grid.is_still
             && patch.is_clear(self.grid.radiance.edge(), &middle, self.grid.motion)
         {
