@@ -96,7 +96,11 @@ impl Address {
     }
 
     /// The value of option `key`, a whole number within `range`, if it is given.
-    pub fn whole_in(&self, key: &str, range: RangeInclusive<u32>) -> Result<Option<u32>, String> {
+    pub(crate) fn whole_in(
+        &self,
+        key: &str,
+        range: RangeInclusive<u32>,
+    ) -> Result<Option<u32>, String> {
         let Some(number) = self.number(key, "a whole number")? else {
             return Ok(None);
         };

@@ -19,7 +19,7 @@ use skyloop_protocols::{LabelLevel, Output, PixelLevel, Positions};
 
 /// Requested content of frames.
 #[derive(Clone, Debug, Args)]
-pub struct OutputArgs {
+pub(crate) struct OutputArgs {
     /// Content of frames to request [default: the emulator's]
     #[arg(long, value_enum)]
     output: Option<Level>,
@@ -115,7 +115,7 @@ fn parse_positions(text: &str) -> Result<Positions> {
 }
 
 /// Reads `AFTER:S`, both in seconds.
-pub fn parse_pause(text: &str) -> Result<Pause> {
+pub(crate) fn parse_pause(text: &str) -> Result<Pause> {
     /// Long enough for any run.
     const MAX_S: f64 = 1e6;
     let time = |text: &str| {

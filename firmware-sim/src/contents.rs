@@ -25,7 +25,7 @@ pub struct Contents {
 
 impl Contents {
     /// Adds a frame with its detections.
-    pub fn add(&mut self, frame: &ReceivedFrame, detections: &Detections) {
+    pub(crate) fn add(&mut self, frame: &ReceivedFrame, detections: &Detections) {
         let header = &frame.header;
         self.windows += frame.windows().len() as u64;
         self.objects += frame

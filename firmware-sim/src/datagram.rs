@@ -54,14 +54,14 @@ impl Datagrams {
     }
 
     /// Requests a receive buffer of this size. Returns the size granted, if the system reports it.
-    pub fn request_buffer(&self, bytes: usize) -> Option<usize> {
+    pub(crate) fn request_buffer(&self, bytes: usize) -> Option<usize> {
         system::request_buffer(&self.socket, bytes)
     }
 
     /// Requests datagrams of one send call as one buffer, if the system can (`UDP_GRO`, udp(7)).
     /// Receiving them one by one takes longer than all other work on them. For dropped joined
     /// datagrams the system may count only one.
-    pub fn join(&self) {
+    pub(crate) fn join(&self) {
         system::join(&self.socket);
     }
 

@@ -74,7 +74,7 @@ impl Detections {
 
     /// Number of the frame.
     #[must_use]
-    pub fn frame(&self) -> u32 {
+    pub(crate) fn frame(&self) -> u32 {
         self.frame
     }
 

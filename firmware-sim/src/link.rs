@@ -8,11 +8,11 @@ use crate::serial::SERIAL;
 use crate::udp::UDP;
 
 /// All schemes of addresses.
-pub const SCHEMES: &[Scheme] = &[UDP, SERIAL, CAN, SLCAN];
+pub(crate) const SCHEMES: &[Scheme] = &[UDP, SERIAL, CAN, SLCAN];
 
 type WithRoles = (Box<dyn Port + Send>, Roles);
 
-/// Opens a link of any scheme in [`SCHEMES`], such as `udp://HOST:PORT` or
+/// Opens a link of the scheme `udp`, `serial`, `can` or `slcan`, such as `udp://HOST:PORT` or
 /// `serial://PATH[?baud=N]`, with the roles of its option `roles`.
 ///
 /// # Errors

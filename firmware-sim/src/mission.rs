@@ -54,7 +54,7 @@ impl Mission {
     ///
     /// # Errors
     /// [`ProfileError::Orbit`]: no state.
-    pub fn message(
+    pub(crate) fn message(
         &self,
         sequence: u32,
         epoch: Epoch,

@@ -18,7 +18,7 @@ pub struct Pointing {
 impl Pointing {
     /// A body without rotation.
     #[must_use]
-    pub fn at_rest(attitude: UnitQuaternion<f64>) -> Self {
+    pub(crate) fn at_rest(attitude: UnitQuaternion<f64>) -> Self {
         Self {
             attitude,
             rates_rad_s: Vector3::zeros(),
@@ -27,7 +27,7 @@ impl Pointing {
 
     /// The pointing `seconds` later, exact for constant rates.
     #[must_use]
-    pub fn after(&self, seconds: f64) -> Self {
+    pub(crate) fn after(&self, seconds: f64) -> Self {
         Self {
             attitude: turn(self.rates_rad_s * seconds) * self.attitude,
             ..*self

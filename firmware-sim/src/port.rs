@@ -53,7 +53,7 @@ pub trait Port {
 }
 
 /// Callback that takes a line of text.
-pub type Notify = Box<dyn Fn(&str) + Send>;
+pub(crate) type Notify = Box<dyn Fn(&str) + Send>;
 
 /// Errors of a link.
 #[derive(Debug, Error)]
@@ -143,10 +143,10 @@ impl Refusal {
 }
 
 /// An open link, or the error.
-pub type Opened = Result<Box<dyn Port + Send>, OpenError<PortError>>;
+pub(crate) type Opened = Result<Box<dyn Port + Send>, OpenError<PortError>>;
 
 /// A kind of link, as named in addresses.
-pub struct Scheme {
+pub(crate) struct Scheme {
     /// Scheme of its addresses, before `://`.
     pub name: &'static str,
     /// An address, for messages.

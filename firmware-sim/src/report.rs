@@ -135,7 +135,7 @@ pub struct Totals {
 
 impl Totals {
     /// Adds a frame.
-    pub fn add(&mut self, score: &Score) {
+    pub(crate) fn add(&mut self, score: &Score) {
         self.compared += u32::from(score.is_compared);
         self.stars += score.stars as u64;
         self.rsos += score.rsos as u64;

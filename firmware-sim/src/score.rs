@@ -8,11 +8,11 @@ use crate::detector::{Detection, Detections};
 use crate::received::{Content, ReceivedFrame, SealError};
 
 /// Maximum distance between a detection and its label, px.
-pub const MATCH_RADIUS_PX: f64 = 2.0;
+pub(crate) const MATCH_RADIUS_PX: f64 = 2.0;
 /// A label is isolated if all other labels within this distance, px, ...
-pub const ISOLATION_RADIUS_PX: f64 = 5.0;
+pub(crate) const ISOLATION_RADIUS_PX: f64 = 5.0;
 /// ... have together less than this fraction of its electrons.
-pub const ISOLATION_LIGHT: f64 = 0.05;
+pub(crate) const ISOLATION_LIGHT: f64 = 0.05;
 /// Isolated, visible labels with at least this signal to noise should be detected.
 pub const BRIGHT_SNR: f64 = 10.0;
 

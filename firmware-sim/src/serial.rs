@@ -21,7 +21,7 @@ const REMEDY: &str = "check its cable, or what made the device (skyloop run on p
 const BAUD: RangeInclusive<u32> = 9_600..=3_000_000;
 
 /// `serial://PATH?baud=N`.
-pub const SERIAL: Scheme = Scheme {
+pub(crate) const SERIAL: Scheme = Scheme {
     name: "serial",
     example: "serial:///dev/NAME?baud=115200",
     keys: &["baud"],

@@ -18,7 +18,7 @@ pub struct Timings {
 
 impl Timings {
     /// Adds the times of a frame, if it reports any.
-    pub fn add(&mut self, timing: &Timing) {
+    pub(crate) fn add(&mut self, timing: &Timing) {
         if *timing != Timing::default() {
             self.ages.add(timing.attitude_age_s.into());
             self.spares.add(timing.spare_s.into());

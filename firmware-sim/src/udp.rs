@@ -13,7 +13,7 @@ use crate::port::{Port, PortError, Scheme};
 use crate::reader::{READ_TIMEOUT, Reader};
 
 /// `udp://ADDRESS:PORT`.
-pub const UDP: Scheme = Scheme {
+pub(crate) const UDP: Scheme = Scheme {
     name: "udp",
     example: "udp://127.0.0.1:PORT",
     keys: &[],

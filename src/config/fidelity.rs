@@ -11,7 +11,7 @@ use std::fmt;
 use std::sync::LazyLock;
 
 /// The value in the file.
-pub struct RawFidelity {
+pub(crate) struct RawFidelity {
     /// The key of the preset.
     key: &'static str,
     preset: String,
@@ -96,7 +96,7 @@ impl RawFidelity {
 }
 
 /// The form of an entry of `run.coarsen`; only [`steps`] checks ranges.
-pub fn step_form() -> String {
+pub(crate) fn step_form() -> String {
     let presets: Vec<&str> = PRESETS.iter().map(|(name, _)| *name).collect();
     let tolerances = TOLERANCES.iter().map(|tolerance| {
         let value = match tolerance.allowed {
@@ -110,7 +110,7 @@ pub fn step_form() -> String {
 }
 
 /// The steps of `run.coarsen`: presets and tolerances.
-pub fn steps(texts: &[String], check: &Check) -> Result<Vec<Coarser>, ConfigError> {
+pub(crate) fn steps(texts: &[String], check: &Check) -> Result<Vec<Coarser>, ConfigError> {
     if texts.is_empty() {
         let allowed = "at least one preset or tolerance, such as [\"fast\"]";
         return Err(check.refuse("run.coarsen", "[]", allowed));

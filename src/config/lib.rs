@@ -235,7 +235,7 @@ impl Config {
     }
 
     /// The input of the emulator; takes the objects out of the configuration.
-    pub fn setup(&mut self) -> Setup {
+    pub(crate) fn setup(&mut self) -> Setup {
         Setup {
             camera: self.camera.clone(),
             fidelity: self.fidelity,

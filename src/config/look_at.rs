@@ -115,7 +115,7 @@ impl LookAt {
     }
 
     /// The reason why it needs an orbit, if it does.
-    pub fn needs_orbit(&self) -> Option<&'static str> {
+    pub(crate) fn needs_orbit(&self) -> Option<&'static str> {
         match (&self.target, self.up) {
             (Target::Limb(_), _) => Some("the limb"),
             (Target::Velocity, _) => Some("the direction of the velocity"),
@@ -172,7 +172,7 @@ impl Target {
     }
 
     /// A right ascension and declination in deg.
-    pub fn direction([ra, dec]: [f64; 2]) -> Result<Target, String> {
+    pub(crate) fn direction([ra, dec]: [f64; 2]) -> Result<Target, String> {
         if !TURN_DEG.contains(&ra) || !DEC_DEG.contains(&dec) {
             return Err(format!(
                 "{ra},{dec}: must be a right ascension of -360 to 360 and a declination of -90 to 90 deg"

@@ -32,7 +32,7 @@ pub struct Objects {
 
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
-pub struct RawObjects {
+pub(crate) struct RawObjects {
     /// Population file: objects with shapes and attitudes
     population: Option<String>,
     /// Orbit files (TLE, 3LE, OMM, OEM), or folders of them, in addition to the population

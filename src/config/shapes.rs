@@ -15,7 +15,7 @@ use std::ops::RangeInclusive;
 
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
-pub struct RawSphere {
+pub(crate) struct RawSphere {
     /// Diameter, m
     pub diameter_m: f64,
     /// Fraction of the light that is reflected (Eqs. 7 and 8)
@@ -40,7 +40,7 @@ impl Default for RawSphere {
 
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct RawShape {
+pub(crate) struct RawShape {
     /// Parts of the shape
     #[serde(deserialize_with = "tables")]
     parts: Vec<RawPart>,
@@ -86,7 +86,7 @@ struct RawPart {
 
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct RawAttitude {
+pub(crate) struct RawAttitude {
     /// inertial: fixed among the stars; nadir: turning with the orbit; spin: turning at constant
     /// rates
     mode: String,
@@ -132,7 +132,7 @@ const AXES: RangeInclusive<f64> = -1e6..=1e6;
 const LOBES: RangeInclusive<f64> = Lobe::NARROWEST * 180.0 / std::f64::consts::PI..=90.0;
 
 /// Limits of the keys of scenes.
-pub const SCENE_LIMITS: &[Limit] = &[
+pub(crate) const SCENE_LIMITS: &[Limit] = &[
     ("objects.diameter_m", Number(SPHERES)),
     ("objects.reflectance", Number(SHARES)),
     ("objects.diffuse", Number(SHARES)),
@@ -140,7 +140,7 @@ pub const SCENE_LIMITS: &[Limit] = &[
 ];
 
 /// Limits of the keys of population files.
-pub const LIMITS: &[Limit] = &[
+pub(crate) const LIMITS: &[Limit] = &[
     ("objects[].sphere.diameter_m", Number(SPHERES)),
     ("objects[].sphere.reflectance", Number(SHARES)),
     ("objects[].sphere.diffuse", Number(SHARES)),

@@ -10,7 +10,7 @@ use skyloop_firmware_sim::can::settings::{KEYS, Settings};
 use skyloop_firmware_sim::can::socket;
 
 /// CAN interfaces.
-pub const CAN: Link = Link {
+pub(crate) const CAN: Link = Link {
     scheme: "can",
     example: "can://vcan0?bitrate=500000&fd=8000000",
     is_bus: true,

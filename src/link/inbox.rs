@@ -38,7 +38,7 @@ impl Inbound {
 }
 
 /// A queue of received packets: the wire's end and the emulator's end.
-pub fn inbox(tally: Arc<Tally>) -> (InboxSender, Inbox) {
+pub(crate) fn inbox(tally: Arc<Tally>) -> (InboxSender, Inbox) {
     let shared = Arc::new(Shared {
         state: Mutex::new(State {
             waiting: VecDeque::with_capacity(QUEUE),
@@ -93,7 +93,7 @@ pub trait Observer: Send + Sync {
 
 /// The emulator has closed its end.
 #[derive(Debug)]
-pub struct Gone;
+pub(crate) struct Gone;
 
 struct Shared {
     state: Mutex<State>,
@@ -126,7 +126,7 @@ impl Shared {
 impl InboxSender {
     /// Queues a packet without waiting. A full queue drops and counts its oldest attitude, else its
     /// oldest packet.
-    pub fn push(&self, inbound: Inbound) -> Result<(), Gone> {
+    pub(crate) fn push(&self, inbound: Inbound) -> Result<(), Gone> {
         let mut state = lock(&self.shared.state);
         if !state.read {
             return Err(Gone);
@@ -142,7 +142,7 @@ impl InboxSender {
     }
 
     /// A function that returns whether the emulator's end is open, for threads without a sender.
-    pub fn watch(&self) -> impl Fn() -> bool + Send + use<> {
+    pub(crate) fn watch(&self) -> impl Fn() -> bool + Send + use<> {
         let shared = self.shared.clone();
         move || lock(&shared.state).read
     }
@@ -176,7 +176,7 @@ impl Inbox {
     }
 
     /// Adds an observer.
-    pub fn observe(&mut self, observer: Box<dyn Observer>) {
+    pub(crate) fn observe(&mut self, observer: Box<dyn Observer>) {
         self.observers.push(observer);
     }
 

@@ -239,10 +239,10 @@ pub(crate) mod fixture {
     use skyloop_protocols::slip;
     use std::time::Duration;
 
-    pub const TIMEOUT: Duration = Duration::from_secs(20);
+    pub(crate) const TIMEOUT: Duration = Duration::from_secs(20);
 
     /// Native packets and no bus.
-    pub fn options() -> Options {
+    pub(crate) fn options() -> Options {
         Options {
             idle: TIMEOUT,
             personality: &NATIVE,
@@ -251,14 +251,14 @@ pub(crate) mod fixture {
     }
 
     /// A packet as a serial line carries it.
-    pub fn framed(packet: &[u8]) -> Vec<u8> {
+    pub(crate) fn framed(packet: &[u8]) -> Vec<u8> {
         let mut line = Vec::new();
         slip::encode(packet, &mut |byte| line.push(byte));
         line
     }
 
     /// Queues a packet; panics if the queue is full.
-    pub fn offer(wire: &mut Wire, exchange: u32, packet: &[u8]) {
+    pub(crate) fn offer(wire: &mut Wire, exchange: u32, packet: &[u8]) {
         let packet = Bytes::copy_from_slice(packet);
         let full = wire.outbox.offer(Outbound::Packet { exchange, packet });
         assert!(full.unwrap().is_none());

@@ -13,7 +13,7 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, TrySendError, sync_channel};
 use std::time::{Duration, Instant};
 
 /// Links within one process.
-pub const MEMORY: Link = Link {
+pub(crate) const MEMORY: Link = Link {
     scheme: "memory",
     example: "memory (loopback only)",
     is_bus: false,

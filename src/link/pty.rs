@@ -22,7 +22,7 @@ use std::sync::mpsc::Receiver;
 use std::time::{Duration, Instant};
 
 /// Pseudo-terminals at a baud rate.
-pub const PTY: Link = Link {
+pub(crate) const PTY: Link = Link {
     scheme: "pty",
     example: "pty://star-tracker?baud=115200",
     is_bus: false,

@@ -18,7 +18,7 @@ use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::sync::{Arc, Condvar, Mutex, PoisonError};
 
 /// Serial ports.
-pub const SERIAL: Link = Link {
+pub(crate) const SERIAL: Link = Link {
     scheme: "serial",
     example: "serial:///dev/ttyUSB0?baud=921600",
     is_bus: false,

@@ -9,7 +9,7 @@ use skyloop_firmware_sim::can::settings::ADAPTER_KEYS;
 use skyloop_firmware_sim::can::slcan;
 
 /// Adapters on serial ports.
-pub const SLCAN: Link = Link {
+pub(crate) const SLCAN: Link = Link {
     scheme: "slcan",
     example: "slcan:///dev/ttyACM0?bitrate=500000",
     is_bus: true,

@@ -289,7 +289,7 @@ impl Standstill {
     }
 
     /// Why the waiting packets have not left.
-    pub fn why(&self, airtime: Option<&Airtime>) -> Unsent {
+    pub(crate) fn why(&self, airtime: Option<&Airtime>) -> Unsent {
         if self.tally.is_held_back() {
             Unsent::HeldBack
         } else if self.tally.awaits_proof() {

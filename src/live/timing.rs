@@ -60,7 +60,7 @@ impl FrameTimes {
 
 /// Time left until a deadline, s; below 0: late.
 #[must_use]
-pub fn spare_s(deadline: Instant, at: Instant) -> f64 {
+pub(crate) fn spare_s(deadline: Instant, at: Instant) -> f64 {
     match deadline.checked_duration_since(at) {
         Some(left) => left.as_secs_f64(),
         None => -at.duration_since(deadline).as_secs_f64(),
@@ -116,7 +116,7 @@ const QUANTILES: [(&str, f64); 5] = [
 impl Latencies {
     /// Empty; notes the first frame beyond `watch_above`.
     #[must_use]
-    pub fn watching(watch_above: Option<Duration>) -> Self {
+    pub(crate) fn watching(watch_above: Option<Duration>) -> Self {
         Self {
             watch_above,
             ..Self::default()
@@ -199,7 +199,7 @@ impl Latencies {
 
     /// The stages after the trigger in their order, with their names.
     #[must_use]
-    pub fn stages(&self) -> [(&'static str, &Times); 4] {
+    pub(crate) fn stages(&self) -> [(&'static str, &Times); 4] {
         [
             ("first_pixel", &self.first_pixel),
             ("last_pixel", &self.last_pixel),
@@ -210,7 +210,7 @@ impl Latencies {
 
     /// The rows of the table at a run's end.
     #[must_use]
-    pub fn rows(&self) -> Vec<(String, String)> {
+    pub(crate) fn rows(&self) -> Vec<(String, String)> {
         let mut rows = self.stage_rows();
         rows.push(row("deadlines missed", self.missed_text()));
         rows
@@ -218,7 +218,7 @@ impl Latencies {
 
     /// The rows of frames without deadlines.
     #[must_use]
-    pub fn stage_rows(&self) -> Vec<(String, String)> {
+    pub(crate) fn stage_rows(&self) -> Vec<(String, String)> {
         let (names, quantiles): (Vec<&str>, Vec<f64>) = QUANTILES.into_iter().unzip();
         let mut rows = vec![row("from the trigger", names.join(" / "))];
         for (stage, times) in self.stages() {

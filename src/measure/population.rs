@@ -9,7 +9,7 @@ use skyloop_render::sky::photometry::Sphere;
 use skyloop_render::sky::population::Look;
 
 /// The built-in scene with synthetic spheres instead of its objects, and its first vehicle.
-pub fn before(objects: usize) -> Result<(Config, VehicleState), ConfigError> {
+pub(crate) fn before(objects: usize) -> Result<(Config, VehicleState), ConfigError> {
     let mut config = Config::builtin()?;
     let no_start = |error: FlightError| ConfigError::Orbit(error.to_string());
     let mission = flight::mission(&config).map_err(no_start)?;

@@ -89,7 +89,7 @@ pub struct Row {
 
 impl Row {
     /// Whether the ratio is within its limits.
-    pub fn is_met(&self) -> bool {
+    pub(crate) fn is_met(&self) -> bool {
         self.least.is_none_or(|least| self.ratio >= least)
             && self.most.is_none_or(|most| self.ratio <= most)
     }

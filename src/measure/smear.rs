@@ -32,7 +32,7 @@ struct Stars {
 /// pixels. The limit is a factor of 4.
 ///
 /// Errors: the built-in scene or camera cannot be read.
-pub fn smear() -> Result<Row, ConfigError> {
+pub(crate) fn smear() -> Result<Row, ConfigError> {
     let mut stars = Stars::new()?;
     let moving = stars.simulated;
     let still = moving.without(EffectId::Smear);

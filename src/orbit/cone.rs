@@ -93,7 +93,7 @@ impl Cone {
 
 /// Upper bound of the motion of cone and objects since the first frame.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Moved {
+pub(crate) struct Moved {
     last: Option<(Cone, i64)>,
     /// Apex and objects together, km.
     km: f64,
@@ -116,7 +116,7 @@ impl Moved {
 
 /// How long no object of a block can enter the cone.
 #[derive(Clone, Copy, Debug)]
-pub struct Leeway {
+pub(crate) struct Leeway {
     /// [`Moved`] at computation, plus the least distance, km.
     until_km: f64,
     /// [`Moved`] at computation, rad.

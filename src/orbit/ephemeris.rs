@@ -96,7 +96,7 @@ impl Ephemeris {
 
     /// Remarks on assumptions, such as the Earth's rotation: the line of the first segment, and the
     /// text.
-    pub fn remarks(&self) -> Vec<(usize, &str)> {
+    pub(crate) fn remarks(&self) -> Vec<(usize, &str)> {
         let mut all: Vec<(usize, &str)> = Vec::new();
         for (line, text) in self.segments.iter().flat_map(|segment| &segment.remarks) {
             if all.iter().all(|(_, known)| known != text) {

@@ -336,7 +336,7 @@ impl Contents {
 
     /// An object for each record and each ephemeris, in the order of the text. Several may be the
     /// same object, see [`unite`].
-    pub fn into_objects(self) -> Vec<Object> {
+    pub(crate) fn into_objects(self) -> Vec<Object> {
         let sets = self.records.into_par_iter();
         let mut objects: Vec<Object> = sets.map(Object::from).collect();
         objects.extend(self.ephemerides);
@@ -392,7 +392,7 @@ impl Object {
     /// Adds the element sets and names of `other`, the same object in another record or file,
     /// without duplicates. Of sets with one epoch the first is used, but one with a state goes
     /// before one without.
-    pub fn join(&mut self, other: Object) {
+    pub(crate) fn join(&mut self, other: Object) {
         let (Orbit::Elements(own, others), Orbit::Elements(set, further)) =
             (&mut self.orbit, other.orbit)
         else {

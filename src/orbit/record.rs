@@ -36,7 +36,7 @@ pub struct Record {
 impl Record {
     /// The id of the object: `NORAD 44322`. Without a number an agency's own id, or a placeholder
     /// such as `NORAD 0` followed by the name.
-    pub fn object_id(&self) -> String {
+    pub(crate) fn object_id(&self) -> String {
         let id = format!("NORAD {}", self.elements.norad);
         if assigned(self.elements.norad).is_some() {
             return id;

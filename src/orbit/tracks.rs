@@ -150,11 +150,6 @@ impl Tracks {
         self.batch.is_empty()
     }
 
-    /// The vector instructions in use.
-    pub fn level(&self) -> Level {
-        self.batch.level()
-    }
-
     /// Sets the vector instructions; portable ones where the processor lacks them.
     pub fn set_level(&mut self, level: Level) {
         self.batch.set_level(level);

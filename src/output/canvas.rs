@@ -10,7 +10,7 @@ use std::convert::Infallible;
 
 /// A colour picture.
 #[derive(Debug, Clone)]
-pub struct Canvas(pub RgbImage);
+pub(crate) struct Canvas(pub RgbImage);
 
 /// Dashes of a broken ring.
 const DASHES: f64 = 8.0;
@@ -90,7 +90,7 @@ impl Canvas {
 }
 
 /// Size of one line of text with its box.
-pub fn text_size(text: &str, font: &MonoFont<'_>) -> Size {
+pub(crate) fn text_size(text: &str, font: &MonoFont<'_>) -> Size {
     let advance = font.character_size.width + font.character_spacing;
     Size::new(
         text.chars().count() as u32 * advance + 2,

@@ -16,19 +16,19 @@ const MARGIN: i32 = 12;
 const GROUND: RGBColor = RGBColor(12, 14, 20);
 const GRID: RGBColor = RGBColor(40, 44, 54);
 const INK: RGBColor = RGBColor(210, 214, 220);
-pub const AMBER: RGBColor = RGBColor(255, 200, 80);
-pub const BLUE: RGBColor = RGBColor(110, 140, 190);
+pub(crate) const AMBER: RGBColor = RGBColor(255, 200, 80);
+pub(crate) const BLUE: RGBColor = RGBColor(110, 140, 190);
 
 /// Width of a character in [`font`], px.
-pub const CHARACTER_PX: i32 = 7;
+pub(crate) const CHARACTER_PX: i32 = 7;
 
 /// Text in one colour.
-pub fn font(color: RGBColor) -> TextStyle<'static> {
+pub(crate) fn font(color: RGBColor) -> TextStyle<'static> {
     ("monospace", 15).into_font().color(&color)
 }
 
 /// An axis: its name, its range, the values with grid lines, and their labels.
-pub struct Axis<'t, R> {
+pub(crate) struct Axis<'t, R> {
     pub name: &'t str,
     pub range: R,
     pub marks: Vec<f64>,
@@ -36,7 +36,7 @@ pub struct Axis<'t, R> {
 }
 
 /// A range with grid lines at given values.
-pub struct Marked<R>(R, Vec<f64>);
+pub(crate) struct Marked<R>(R, Vec<f64>);
 
 impl<R: Ranged<ValueType = f64>> Ranged for Marked<R> {
     type FormatOption = DefaultFormatting;
@@ -56,13 +56,14 @@ impl<R: Ranged<ValueType = f64>> Ranged for Marked<R> {
 }
 
 /// The plot's area, with a grid.
-pub type Chart<'a, 'b, X, Y> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<Marked<X>, Marked<Y>>>;
+pub(crate) type Chart<'a, 'b, X, Y> =
+    ChartContext<'a, SVGBackend<'b>, Cartesian2d<Marked<X>, Marked<Y>>>;
 /// The result of drawing.
-pub type Drawn = Result<(), DrawingAreaErrorKind<io::Error>>;
+pub(crate) type Drawn = Result<(), DrawingAreaErrorKind<io::Error>>;
 
 /// The text of an SVG file: axes under a title, the drawing by `draw`, and the names of curves,
 /// each in its colour, in the lower right corner.
-pub fn svg<X, Y>(
+pub(crate) fn svg<X, Y>(
     title: &str,
     across: Axis<'_, X>,
     upwards: Axis<'_, Y>,

@@ -24,7 +24,7 @@ centre of the first pixel, is FITS pixel (x + 1, y + 1).";
 
 /// The cards of a header that describe the frame, after those that describe the array.
 #[derive(Debug, Clone, Default)]
-pub struct Header {
+pub(crate) struct Header {
     cards: Vec<String>,
 }
 
@@ -210,7 +210,7 @@ fn real(value: f64) -> String {
 }
 
 /// Writes digital numbers as 16-bit unsigned integers; `size` is columns and rows.
-pub fn write_u16(
+pub(crate) fn write_u16(
     out: &mut impl Write,
     frame: Header,
     size: [usize; 2],
@@ -226,7 +226,7 @@ pub fn write_u16(
 }
 
 /// Writes expected electrons as 32-bit IEEE numbers; `size` is columns and rows.
-pub fn write_f32(
+pub(crate) fn write_f32(
     out: &mut impl Write,
     frame: Header,
     size: [usize; 2],

@@ -52,17 +52,17 @@ fn remedy(error: &io::Error) -> &'static str {
 }
 
 /// The labels of a run, and its contact sheet.
-pub const LABELS: &str = "labels.jsonl";
-pub const SHEET: &str = "contact_sheet.png";
+pub(crate) const LABELS: &str = "labels.jsonl";
+pub(crate) const SHEET: &str = "contact_sheet.png";
 /// Suffixes after [`frame_name`]: DN as FITS and as 16-bit PNG, a preview picture, and expected
 /// electrons.
-pub const FITS: &str = ".fits";
-pub const PNG: &str = ".png";
-pub const PREVIEW: &str = "_preview.png";
-pub const ELECTRONS: &str = "_electrons.fits";
+pub(crate) const FITS: &str = ".fits";
+pub(crate) const PNG: &str = ".png";
+pub(crate) const PREVIEW: &str = "_preview.png";
+pub(crate) const ELECTRONS: &str = "_electrons.fits";
 
 /// The name of a frame's files, without suffix.
-pub fn frame_name(frame: u32) -> String {
+pub(crate) fn frame_name(frame: u32) -> String {
     format!("frame_{frame:05}")
 }
 
@@ -219,21 +219,21 @@ impl Folder {
     }
 
     /// A folder that may not exist.
-    pub fn at(dir: &Path) -> Folder {
+    pub(crate) fn at(dir: &Path) -> Folder {
         Folder {
             dir: dir.to_path_buf(),
         }
     }
 
     /// Creates the folder if needed, without changing its contents.
-    pub fn shared(dir: &Path) -> Result<Folder, OutputError> {
+    pub(crate) fn shared(dir: &Path) -> Result<Folder, OutputError> {
         let folder = Folder::at(dir);
         fs::create_dir_all(dir).map_err(|e| folder.error("create the folder", "", e))?;
         Ok(folder)
     }
 
     /// The path of a file in the folder; for an empty name, of the folder.
-    pub fn path(&self, name: &str) -> PathBuf {
+    pub(crate) fn path(&self, name: &str) -> PathBuf {
         if name.is_empty() {
             self.dir.clone()
         } else {
@@ -242,20 +242,20 @@ impl Folder {
     }
 
     /// Creates a file; the caller has checked whether it may be replaced.
-    pub fn create(&self, name: &str) -> Result<File, OutputError> {
+    pub(crate) fn create(&self, name: &str) -> Result<File, OutputError> {
         let file = self.output(name)?.file();
         file.map_err(|e| self.error("create", name, e))
     }
 
     /// Creates a file that can be removed again; the caller has checked whether it may be replaced.
-    pub fn output(&self, name: &str) -> Result<OutputFile, OutputError> {
+    pub(crate) fn output(&self, name: &str) -> Result<OutputFile, OutputError> {
         let opened = OutputFile::open(&self.path(name), NO_MARK, true);
         let begun = opened.and_then(|mut output| output.begin().map(|()| output));
         begun.map_err(|e| self.error("create", name, e))
     }
 
     /// Removes files; some may be missing.
-    pub fn remove(&self, names: &[String]) {
+    pub(crate) fn remove(&self, names: &[String]) {
         for name in names {
             // The original error is already reported.
             let _ = fs::remove_file(self.path(name));
@@ -279,7 +279,7 @@ impl Folder {
     }
 
     /// An error about a file in the folder.
-    pub fn error(&self, action: &'static str, name: &str, source: io::Error) -> OutputError {
+    pub(crate) fn error(&self, action: &'static str, name: &str, source: io::Error) -> OutputError {
         OutputError::new(action, &self.path(name), source)
     }
 }

@@ -4,7 +4,7 @@ use skyloop_render::label::ObjectLabel;
 
 /// A star's proper name, else its Bayer or Flamsteed designation, else its HR number; an RSO's
 /// first name; the id if there is no name.
-pub fn shown(object: &ObjectLabel) -> &str {
+pub(crate) fn shown(object: &ObjectLabel) -> &str {
     let best = if object.kind == "star" {
         object.names.iter().min_by_key(|name| rank(name))
     } else {

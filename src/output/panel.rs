@@ -14,18 +14,18 @@ use skyloop_render::frame::Frame;
 use skyloop_render::label::{Label, ObjectLabel};
 
 /// Stars.
-pub const STAR: Rgb888 = Rgb888::new(110, 190, 255);
+pub(crate) const STAR: Rgb888 = Rgb888::new(110, 190, 255);
 /// Visible RSOs.
-pub const RSO: Rgb888 = Rgb888::new(255, 170, 50);
+pub(crate) const RSO: Rgb888 = Rgb888::new(255, 170, 50);
 /// The Moon and planets.
-pub const PLANET: Rgb888 = Rgb888::new(150, 230, 150);
+pub(crate) const PLANET: Rgb888 = Rgb888::new(150, 230, 150);
 /// RSOs that are not visible.
-pub const HIDDEN: Rgb888 = Rgb888::new(255, 110, 150);
+pub(crate) const HIDDEN: Rgb888 = Rgb888::new(255, 110, 150);
 
 /// Number of named stars, brightest first.
 const NAMED: usize = 12;
 /// Number of ringed stars, brightest first.
-pub const RINGED: usize = 60;
+pub(crate) const RINGED: usize = 60;
 /// Space around an object's track in its ring, px of the panel.
 const MARK_MARGIN: f64 = 7.0;
 
@@ -55,7 +55,7 @@ impl Mark {
 }
 
 /// The frame's picture with its marks.
-pub fn draw(camera: &Camera, label: &Label, frame: &Frame) -> RgbImage {
+pub(crate) fn draw(camera: &Camera, label: &Label, frame: &Frame) -> RgbImage {
     let from = [frame.width, frame.height];
     let to = panel_size(from);
     let scale = [to[0] as f64 / from[0] as f64, to[1] as f64 / from[1] as f64];

@@ -8,7 +8,7 @@ use skyloop_orbit::time::{utc_duration, utc_text};
 use std::io;
 
 /// A curve of the plot.
-pub struct Curve {
+pub(crate) struct Curve {
     /// Its name on the plot.
     pub name: &'static str,
     /// Its colour.
@@ -28,7 +28,7 @@ const TIME_STEPS: &[f64] = &[
 ];
 
 /// The plot as SVG, with its `curves` in drawing order. `epochs` rise.
-pub fn magnitudes(title: &str, epochs: &[Epoch], curves: &[Curve]) -> io::Result<String> {
+pub(crate) fn magnitudes(title: &str, epochs: &[Epoch], curves: &[Curve]) -> io::Result<String> {
     let start = epochs.first().copied().unwrap_or_default();
     let seconds: Vec<f64> = epochs.iter().map(|t| (*t - start).to_seconds()).collect();
     let span_s = seconds.last().copied().unwrap_or(0.0);

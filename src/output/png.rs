@@ -17,18 +17,18 @@ const CHUNK_TYPE: usize = 4;
 const HEAD: usize = 33;
 
 /// Writes raw digital numbers, row 0 at the top; `size` is columns and rows.
-pub fn write_grey16(out: &mut impl Write, size: [usize; 2], dn: &[u16]) -> io::Result<()> {
+pub(crate) fn write_grey16(out: &mut impl Write, size: [usize; 2], dn: &[u16]) -> io::Result<()> {
     let bytes: Vec<u8> = dn.iter().flat_map(|dn| dn.to_ne_bytes()).collect();
     encode(out, &bytes, size.map(|n| n as u32), ExtendedColorType::L16)
 }
 
 /// Writes grey levels, row 0 at the top; `size` is columns and rows.
-pub fn write_grey8(out: &mut impl Write, size: [usize; 2], greys: &[u8]) -> io::Result<()> {
+pub(crate) fn write_grey8(out: &mut impl Write, size: [usize; 2], greys: &[u8]) -> io::Result<()> {
     encode(out, greys, size.map(|n| n as u32), ExtendedColorType::L8)
 }
 
 /// Writes a colour picture.
-pub fn write_rgb(out: &mut impl Write, picture: &RgbImage) -> io::Result<()> {
+pub(crate) fn write_rgb(out: &mut impl Write, picture: &RgbImage) -> io::Result<()> {
     let size = [picture.width(), picture.height()];
     encode(out, picture.as_raw(), size, ExtendedColorType::Rgb8)
 }

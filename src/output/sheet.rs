@@ -29,7 +29,7 @@ const PALE: Rgb888 = Rgb888::new(160, 168, 182);
 
 /// Collects the panels of a run: equidistant frames, with the first and the last one.
 #[derive(Debug)]
-pub struct ContactSheet {
+pub(crate) struct ContactSheet {
     frames: u32,
     seen: u32,
     title: String,

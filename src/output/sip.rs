@@ -17,11 +17,11 @@ const MAX: usize = 9;
 const SIDE: usize = 24;
 
 /// A polynomial's exponents of u and v, and its coefficients for columns and rows.
-pub type Term = ([usize; 2], [f64; 2]);
+pub(crate) type Term = ([usize; 2], [f64; 2]);
 
 /// The polynomials of a camera.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Sip {
+pub(crate) struct Sip {
     /// Order of all of them.
     pub order: usize,
     /// `A` and `B`.

@@ -32,7 +32,7 @@ const WHITE_PART: f64 = 0.999;
 
 /// Scale of a frame's digital numbers.
 #[derive(Debug, Clone, Copy)]
-pub struct Levels {
+pub(crate) struct Levels {
     /// DN of a pixel without light: offset and dark charge.
     pub dark_dn: f64,
     /// DN of a full pixel.
@@ -62,7 +62,7 @@ impl Levels {
 
 /// Grey levels of one frame.
 #[derive(Debug)]
-pub struct Stretch {
+pub(crate) struct Stretch {
     levels: Levels,
     /// Pixels of the camera per pixel of the picture.
     averaged: f64,
@@ -122,7 +122,7 @@ impl Stretch {
 }
 
 /// A frame of the camera's own size, 8-bit grey.
-pub fn preview(levels: Levels, dn: &[u16]) -> Vec<u8> {
+pub(crate) fn preview(levels: Levels, dn: &[u16]) -> Vec<u8> {
     let stretch = Stretch::new(levels, dn.iter().map(|dn| f32::from(*dn)), 1.0);
     let max = dn.iter().copied().max().unwrap_or(0);
     let greys: Vec<u8> = (0..=max).map(|dn| stretch.grey(f64::from(dn))).collect();
@@ -146,7 +146,7 @@ fn quantiles<const N: usize>(values: impl Iterator<Item = f32>, parts: [f64; N])
 
 /// Size of the panel for a camera of `size` columns and rows: an integer multiple of a small
 /// camera, a large one scaled down to [`PANEL_PX`].
-pub fn panel_size(size: [usize; 2]) -> [usize; 2] {
+pub(crate) fn panel_size(size: [usize; 2]) -> [usize; 2] {
     let longer = size[0].max(size[1]).max(1);
     if longer <= PANEL_PX {
         size.map(|n| n * (PANEL_PX / longer))
@@ -156,7 +156,7 @@ pub fn panel_size(size: [usize; 2]) -> [usize; 2] {
 }
 
 /// DN at the panel's size: neighbours repeated up, areas averaged down.
-pub fn scaled(dn: &[u16], from: [usize; 2], to: [usize; 2]) -> Vec<f32> {
+pub(crate) fn scaled(dn: &[u16], from: [usize; 2], to: [usize; 2]) -> Vec<f32> {
     let rows: Vec<f32> = dn
         .chunks_exact(from[0].max(1))
         .flat_map(|row| resampled(from[0], to[0], |i| f32::from(row[i])))

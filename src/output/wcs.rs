@@ -9,7 +9,7 @@ use skyloop_render::camera::{Camera, Model};
 /// The numbers of a FITS projection about its pole (Calabretta & Greisen 2002, A&A 395, 1077),
 /// LONPOLE = 180 deg.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Wcs {
+pub(crate) struct Wcs {
     /// FITS name of the projection.
     pub name: &'static str,
     /// Distortion of the lens.

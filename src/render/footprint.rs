@@ -48,13 +48,13 @@ impl Wings {
 const MIN_E: f64 = 1e-20;
 
 /// Time of a pixel of a footprint, ns: two terms of signal-to-noise ratios, bounds, new memory.
-pub const PIXEL_NS: f64 = 9.0;
+pub(crate) const PIXEL_NS: f64 = 9.0;
 /// The same for large footprints outside the caches, with drawing.
-pub const HELD_NS: f64 = 10.0;
+pub(crate) const HELD_NS: f64 = 10.0;
 /// Time of a sample of a Gaussian streak, ns.
-pub const DOT_NS: f64 = 25.0;
+pub(crate) const DOT_NS: f64 = 25.0;
 /// Time of each pixel around it, ns.
-pub const DOT_PIXEL_NS: f64 = 0.3;
+pub(crate) const DOT_PIXEL_NS: f64 = 0.3;
 
 /// The spans of rows `reached` from one column up to another on a detector of that `width`, and
 /// their number of pixels.
@@ -260,7 +260,7 @@ impl Footprint {
     }
 
     /// The sum of several, each with its part of the light; incomplete once `limit` is over.
-    pub fn sum(parts: &[(f64, Footprint)], limit: &WorkLimit) -> Footprint {
+    pub(crate) fn sum(parts: &[(f64, Footprint)], limit: &WorkLimit) -> Footprint {
         let lit = || parts.iter().filter(|(_, part)| !part.shares.is_empty());
         let first_row = lit().map(|(_, part)| part.first_row).min().unwrap_or(0);
         let past_row = lit().map(|(_, part)| part.first_row + part.spans.len());
@@ -307,13 +307,13 @@ impl Footprint {
     }
 
     /// Multiplies all shares.
-    pub fn scale(&mut self, by: f64) {
+    pub(crate) fn scale(&mut self, by: f64) {
         let shares = self.shares.iter_mut();
         shares.for_each(|share| *share = (by * f64::from(*share)) as f32);
     }
 
     /// Number of evaluations of a point's light on a pixel.
-    pub fn evaluated(&self) -> u64 {
+    pub(crate) fn evaluated(&self) -> u64 {
         self.evaluated
     }
 
@@ -323,7 +323,7 @@ impl Footprint {
     }
 
     /// The first row that it touches.
-    pub fn first_row(&self) -> usize {
+    pub(crate) fn first_row(&self) -> usize {
         self.first_row
     }
 

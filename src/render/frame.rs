@@ -56,13 +56,13 @@ pub struct Tile<'a> {
 
 impl Tile<'_> {
     /// The rows of a band.
-    pub fn rows(&self) -> Range<usize> {
+    pub(crate) fn rows(&self) -> Range<usize> {
         let first = self.first / self.width;
         first..first + self.dn.len() / self.width
     }
 
     /// Its pixels in consecutive runs of at most `pixels`.
-    pub fn runs(&mut self, pixels: usize) -> impl Iterator<Item = Tile<'_>> {
+    pub(crate) fn runs(&mut self, pixels: usize) -> impl Iterator<Item = Tile<'_>> {
         let (first, width, key, level) = (self.first, self.width, self.key, self.level);
         let electrons = self.electrons.chunks_mut(pixels);
         let runs = electrons.zip(self.dn.chunks_mut(pixels)).enumerate();

@@ -41,7 +41,7 @@ pub fn allowed(choice: &Choice) -> EffectSet {
 }
 
 /// [`simulated`], and the estimated time of the effects that shape images, ms on one core.
-pub fn simulated_at(view: &View, fidelity: &Fidelity, choice: &Choice) -> (EffectSet, f64) {
+pub(crate) fn simulated_at(view: &View, fidelity: &Fidelity, choice: &Choice) -> (EffectSet, f64) {
     let mut estimated_ms = 0.0;
     let mut simulated = EffectSet::default();
     simulated.noise = choice.noise;
@@ -170,7 +170,7 @@ impl<'s> Plan<'s> {
     }
 
     /// Logs which effects run, and why.
-    pub fn log(&self) {
+    pub(crate) fn log(&self) {
         for step in &self.steps {
             let (effect, decision) = (step.effect, &step.decision);
             match decision {

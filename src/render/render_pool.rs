@@ -28,7 +28,11 @@ pub fn together<R: Send>(work: impl FnOnce() -> R + Send) -> R {
 /// Runs `work` on the pool's thread number `leader`, from 0. The other threads share it or, if
 /// `alone`, stay idle. None if there is no such thread. One call at a time: with `alone` it waits
 /// for all threads.
-pub fn run_on<R: Send>(leader: usize, alone: bool, work: impl FnOnce() -> R + Send) -> Option<R> {
+pub(crate) fn run_on<R: Send>(
+    leader: usize,
+    alone: bool,
+    work: impl FnOnce() -> R + Send,
+) -> Option<R> {
     let threads = rayon::current_num_threads();
     if leader >= threads {
         return None;

@@ -56,7 +56,7 @@ pub struct Sensitivity {
 
 /// A star's image on the boresight.
 #[derive(Debug)]
-pub struct StillStar {
+pub(crate) struct StillStar {
     /// Electrons of magnitude 0 in the exposure.
     zero_e: f64,
     /// Shares of the pixels (1).

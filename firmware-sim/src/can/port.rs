@@ -15,7 +15,7 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 /// `can://INTERFACE?bitrate=N&fd=N&load=X`.
-pub const CAN: Scheme = Scheme {
+pub(crate) const CAN: Scheme = Scheme {
     name: "can",
     example: "can://vcan0?bitrate=500000",
     keys: settings::KEYS,
@@ -23,7 +23,7 @@ pub const CAN: Scheme = Scheme {
 };
 
 /// `slcan://DEVICE?bitrate=N&fd=N&load=X&baud=N`.
-pub const SLCAN: Scheme = Scheme {
+pub(crate) const SLCAN: Scheme = Scheme {
     name: "slcan",
     example: "slcan:///dev/NAME?bitrate=500000",
     keys: settings::ADAPTER_KEYS,

@@ -20,13 +20,13 @@ use std::time::Duration;
 /// Time-out of a write to a blocked line.
 const WRITE_TIMEOUT: Duration = Duration::from_millis(20);
 /// Default baud rate of the line. USB adapters ignore it.
-pub const BAUD: u32 = 115_200;
+pub(crate) const BAUD: u32 = 115_200;
 
 /// Consecutive refused frames after which the adapter counts as bus-off.
 const REFUSED: u32 = 64;
 
 /// A bus behind an adapter, or behind a line to another host.
-pub struct SlcanBus {
+pub(crate) struct SlcanBus {
     line: Box<dyn SerialPort>,
     /// Set-up commands, encoded.
     set_up: Vec<u8>,

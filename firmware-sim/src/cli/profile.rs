@@ -77,7 +77,7 @@ struct ScanText {
 impl ProfileArgs {
     /// Whether another client sends the attitudes.
     #[must_use]
-    pub fn listens(&self) -> bool {
+    pub(crate) fn listens(&self) -> bool {
         self.listen
     }
 

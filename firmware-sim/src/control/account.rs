@@ -85,7 +85,7 @@ impl ControlTelemetry {
 
     /// Rms error of the boresight (+Z) alone, without the roll about it, rad.
     #[must_use]
-    pub fn across_rms_rad(&self) -> Option<f64> {
+    pub(crate) fn across_rms_rad(&self) -> Option<f64> {
         self.across.rms_from(self.flown_s / 2.0)
     }
 

@@ -25,7 +25,7 @@ pub struct Pinhole {
 impl Pinhole {
     /// A camera with its boresight in the middle of a frame of this size.
     #[must_use]
-    pub fn centred(focal_px: f64, size: [u16; 2]) -> Self {
+    pub(crate) fn centred(focal_px: f64, size: [u16; 2]) -> Self {
         let centre_px = size.map(|pixels| (f64::from(pixels) - 1.0) / 2.0);
         Self {
             focal_px,
@@ -35,14 +35,14 @@ impl Pinhole {
 
     /// Direction of a point in the frame, camera axes, not normalized.
     #[must_use]
-    pub fn direction(&self, [x_px, y_px]: [f64; 2]) -> Vector3<f64> {
+    pub(crate) fn direction(&self, [x_px, y_px]: [f64; 2]) -> Vector3<f64> {
         let [x, y] = self.centre_px;
         Vector3::new((x_px - x) / self.focal_px, (y_px - y) / self.focal_px, 1.0)
     }
 
     /// Position of a direction in the frame, px; `None` behind the camera.
     #[must_use]
-    pub fn project(&self, direction: &Vector3<f64>) -> Option<[f64; 2]> {
+    pub(crate) fn project(&self, direction: &Vector3<f64>) -> Option<[f64; 2]> {
         let [x, y] = self.centre_px;
         let scale = self.focal_px / direction.z;
         (direction.z > 0.0).then(|| [x + scale * direction.x, y + scale * direction.y])

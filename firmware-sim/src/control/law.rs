@@ -12,7 +12,7 @@
 use nalgebra::Vector3;
 
 /// Fastest steering rate about any axis, rad/s.
-pub const FASTEST_RAD_S: f64 = 0.5 * std::f64::consts::PI / 180.0;
+pub(crate) const FASTEST_RAD_S: f64 = 0.5 * std::f64::consts::PI / 180.0;
 /// Shortest delay for the gains, s.
 const SHORTEST_S: f64 = 0.02;
 
@@ -30,12 +30,12 @@ pub struct Law {
 
 impl Law {
     /// Starts the loop at the reference exposure with this middle (s).
-    pub fn begin(&mut self, mid_s: f64) {
+    pub(crate) fn begin(&mut self, mid_s: f64) {
         self.latest = Some((mid_s, Vector3::zeros()));
     }
 
     /// Updates the attitude period, s.
-    pub fn set_steer_period(&mut self, seconds: f64) {
+    pub(crate) fn set_steer_period(&mut self, seconds: f64) {
         if seconds.is_finite() {
             self.steer_period_s = rise_or_fall(self.steer_period_s, seconds);
         }
@@ -43,7 +43,7 @@ impl Law {
 
     /// Adds a measurement: the body's error (rad, body axes) in the middle of an exposure (s),
     /// available at `taken_s`. False, without effect, if a later exposure has been taken.
-    pub fn measured(&mut self, mid_s: f64, taken_s: f64, error: Vector3<f64>) -> bool {
+    pub(crate) fn measured(&mut self, mid_s: f64, taken_s: f64, error: Vector3<f64>) -> bool {
         let interval_s = self.latest.map_or(0.0, |(before_s, _)| mid_s - before_s);
         // Written so that NaN fails.
         if !(interval_s > 0.0 && error.norm_squared().is_finite()) {
@@ -63,7 +63,7 @@ impl Law {
     /// Steering rates at a time (s), body axes, rad/s. An error is used for two delays only, so
     /// that it never turns the body past zero, however late the next frame is.
     #[must_use]
-    pub fn rates(&self, now_s: f64) -> Vector3<f64> {
+    pub(crate) fn rates(&self, now_s: f64) -> Vector3<f64> {
         let window_s = 2.0 * self.delay_s;
         let is_fresh = |mid_s: f64| window_s > 0.0 && now_s - mid_s <= window_s;
         let proportional = match self.latest {
@@ -76,7 +76,7 @@ impl Law {
 
     /// The latest measured error, rad, body axes.
     #[must_use]
-    pub fn expected(&self) -> Vector3<f64> {
+    pub(crate) fn expected(&self) -> Vector3<f64> {
         self.latest.map_or(Vector3::zeros(), |(_, error)| error)
     }
 }

@@ -42,7 +42,7 @@ pub struct ControlSettings {
 
 /// Times and size of a frame.
 #[derive(Clone, Copy, Debug)]
-pub struct Exposed {
+pub(crate) struct Exposed {
     /// Middle of its exposure.
     pub mid: Epoch,
     /// Time when its detections are fixed.
@@ -53,7 +53,7 @@ pub struct Exposed {
 
 /// Body, controller and telemetry.
 #[derive(Debug)]
-pub struct Control {
+pub(crate) struct Control {
     settings: ControlSettings,
     hold: UnitQuaternion<f64>,
     start: Epoch,

@@ -6,7 +6,7 @@ use nalgebra::{Unit, UnitQuaternion, Vector3};
 use crate::pointing::{Pointing, turn};
 
 /// Longest turn-round, s. A scan that covers its half width in less time turns round in that time.
-pub const TURN_ROUND_S: f64 = 0.5;
+pub(crate) const TURN_ROUND_S: f64 = 0.5;
 
 /// A scan to both sides of a start attitude about a body axis, without end, and before its start
 /// too.
@@ -47,14 +47,14 @@ impl Scan {
     /// Duration of a turn-round, s: `TURN_ROUND_S`, or the time for the half width if that is
     /// shorter.
     #[must_use]
-    pub fn turn_round_s(&self) -> f64 {
+    pub(crate) fn turn_round_s(&self) -> f64 {
         TURN_ROUND_S.min(self.half_width_rad / self.rate_rad_s)
     }
 
     /// Duration of one cycle, s: four half widths and one turn-round, because a turn-round takes
     /// twice the time of the corner that it replaces.
     #[must_use]
-    pub fn period_s(&self) -> f64 {
+    pub(crate) fn period_s(&self) -> f64 {
         4.0 * self.half_width_rad / self.rate_rad_s + self.turn_round_s()
     }
 

@@ -94,7 +94,7 @@ impl Assembler {
     }
 
     /// Reuses the memory of a frame for the next one.
-    pub fn recycle(&mut self, frame: ReceivedFrame) {
+    pub(crate) fn recycle(&mut self, frame: ReceivedFrame) {
         self.spare = Memory {
             pixels: match frame.content {
                 Content::Frame(pixels) => pixels,
@@ -118,26 +118,26 @@ impl Assembler {
 
     /// Whether no frame is in flight.
     #[must_use]
-    pub fn is_idle(&self) -> bool {
+    pub(crate) fn is_idle(&self) -> bool {
         self.in_flight.is_empty() && self.early.is_empty()
     }
 
     /// Whether this frame has arrived in part.
     #[must_use]
-    pub fn is_in_flight(&self, frame: u32) -> bool {
+    pub(crate) fn is_in_flight(&self, frame: u32) -> bool {
         let partial = |partial: &Partial| partial.header.frame == frame;
         self.early.has(frame) || self.in_flight.iter().any(partial)
     }
 
     /// Whether a frame, possibly of this attitude, has arrived in part.
     #[must_use]
-    pub fn has_begun(&self, attitude: u32) -> bool {
+    pub(crate) fn has_begun(&self, attitude: u32) -> bool {
         let shows = |partial: &Partial| partial.header.attitude_sequence == attitude;
         !self.early.is_empty() || self.in_flight.iter().any(shows)
     }
 
     /// Missing packets to request now; they are recorded as requested.
-    pub fn missing_runs(&mut self, now: Instant, demand: &Demand) -> Vec<Run> {
+    pub(crate) fn missing_runs(&mut self, now: Instant, demand: &Demand) -> Vec<Run> {
         let header = |frame| Run {
             frame,
             first: 0,
@@ -161,7 +161,7 @@ impl Assembler {
     }
 
     /// Expects the header of a frame known from another link.
-    pub fn expect_header(&mut self, frame: u32) {
+    pub(crate) fn expect_header(&mut self, frame: u32) {
         let done = self.done.iter().any(|(number, _)| *number == frame);
         if !done && !self.is_in_flight(frame) {
             self.early.expect_header(frame);
@@ -169,12 +169,12 @@ impl Assembler {
     }
 
     /// Forgets an expected frame without packets.
-    pub fn forget(&mut self, frame: u32) {
+    pub(crate) fn forget(&mut self, frame: u32) {
         self.early.forget(frame);
     }
 
     /// Stops requests for this frame, whose packets are unavailable.
-    pub fn stop_requests(&mut self, frame: u32) {
+    pub(crate) fn stop_requests(&mut self, frame: u32) {
         self.early.take(frame);
         let known = self.in_flight.iter_mut();
         for partial in known.filter(|partial| partial.header.frame == frame) {

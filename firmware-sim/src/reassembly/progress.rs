@@ -118,7 +118,7 @@ pub enum AssemblyError {
 impl AssemblyError {
     /// Whether the frame is complete but damaged.
     #[must_use]
-    pub fn is_damaged_frame(&self) -> bool {
+    pub(crate) fn is_damaged_frame(&self) -> bool {
         matches!(self, Self::BadPixels { .. } | Self::Gap { .. })
     }
 }

@@ -65,7 +65,7 @@ pub const DEFAULT_TOML: &str = include_str!("../../../configs/default.toml");
 pub const DEFAULT_SCENE: (&str, &str) = ("scenes/rcm-2019-06-15", "scene.toml");
 
 /// The text of a built-in file.
-pub fn file(path: &str) -> Option<&'static str> {
+pub(crate) fn file(path: &str) -> Option<&'static str> {
     let file = FILES.iter().find(|(known, _)| *known == path);
     file.map(|(_, text)| *text)
 }

@@ -66,7 +66,7 @@ impl Folder {
     }
 
     /// Whether the file `name` exists.
-    pub fn has(&self, name: &str) -> bool {
+    pub(crate) fn has(&self, name: &str) -> bool {
         match self {
             Folder::Disk(folder) => folder.join(name).exists(),
             Folder::Embedded(folder) => embedded::file(&format!("{folder}/{name}")).is_some(),
@@ -75,7 +75,7 @@ impl Folder {
 
     /// The files of the folder `name`, ordered by name, and its other entries; none where `name` is
     /// not a folder.
-    pub fn listing(&self, name: &str) -> Result<Option<[Vec<String>; 2]>, ConfigError> {
+    pub(crate) fn listing(&self, name: &str) -> Result<Option<[Vec<String>; 2]>, ConfigError> {
         let Folder::Disk(folder) = self else {
             return Ok(None);
         };
@@ -102,7 +102,7 @@ impl Folder {
     }
 
     /// The orbit file `name`: its name in messages, and its text.
-    pub fn read_orbits(&self, name: &str) -> Result<(String, String), ConfigError> {
+    pub(crate) fn read_orbits(&self, name: &str) -> Result<(String, String), ConfigError> {
         self.read_within(name, LARGEST_FILE)
     }
 

@@ -51,7 +51,7 @@ pub type Kind = (
 );
 
 /// The range of a number, if the table has one for the key.
-pub fn range_of(limits: &[Limit], key: &str) -> Option<RangeInclusive<f64>> {
+pub(crate) fn range_of(limits: &[Limit], key: &str) -> Option<RangeInclusive<f64>> {
     limits.iter().find_map(|(pattern, allowed)| match allowed {
         Allowed::Number(range) if matches(pattern, key) => Some(range.clone()),
         _ => None,
@@ -59,7 +59,7 @@ pub fn range_of(limits: &[Limit], key: &str) -> Option<RangeInclusive<f64>> {
 }
 
 /// The allowed values of a key in words, if its schema has a range, a length or a choice of words.
-pub fn text_of(schema: &Schema, key: &str) -> Option<String> {
+pub(crate) fn text_of(schema: &Schema, key: &str) -> Option<String> {
     let forms = forms_of(schema, key);
     let mut words = Vec::new();
     let mut texts = Vec::new();
@@ -92,7 +92,7 @@ pub fn text_of(schema: &Schema, key: &str) -> Option<String> {
 }
 
 /// Whether the value of a key is a number by the schema.
-pub fn is_number(schema: &Schema, key: &str) -> bool {
+pub(crate) fn is_number(schema: &Schema, key: &str) -> bool {
     let is_number = |(form, _): &(&Value, &Value)| {
         let kind = form.get("type").and_then(Value::as_str);
         kind.is_some_and(|kind| ["number", "integer"].contains(&kind))
@@ -143,7 +143,7 @@ fn forms<'s>(schema: &'s Schema, node: &'s Value) -> Vec<&'s Value> {
 
 /// Adds the ends of integer types: schemars omits those of 32 and 64 bits. Limits of keys replace
 /// them.
-pub fn bound_integers<'s>(nodes: impl Iterator<Item = &'s mut Value>) {
+pub(crate) fn bound_integers<'s>(nodes: impl Iterator<Item = &'s mut Value>) {
     for node in nodes {
         match node {
             Value::Array(list) => bound_integers(list.iter_mut()),
@@ -164,7 +164,7 @@ pub fn bound_integers<'s>(nodes: impl Iterator<Item = &'s mut Value>) {
 }
 
 /// Writes the limits into the schema of a file.
-pub fn apply(schema: &mut Schema, limits: &[Limit]) {
+pub(crate) fn apply(schema: &mut Schema, limits: &[Limit]) {
     for (pattern, allowed) in limits {
         // Rules between keys apply to the schema with the keys.
         let found = pointer(schema, pattern).and_then(|pointer| match allowed {

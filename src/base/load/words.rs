@@ -4,7 +4,7 @@ use skyloop_orbit::time::parse_utc;
 
 /// Rewrites serde's message on a key or a value, `text` in the file. `allowed` is the allowed value
 /// in words, if the key has a limit.
-pub fn plain(message: &str, text: &str, allowed: Option<&str>) -> String {
+pub(crate) fn plain(message: &str, text: &str, allowed: Option<&str>) -> String {
     let quoted = |text: &str| -> Vec<String> {
         let words = text.split('`').skip(1).step_by(2);
         words.map(str::to_string).collect()
@@ -51,7 +51,7 @@ pub fn plain(message: &str, text: &str, allowed: Option<&str>) -> String {
 const WHOLE: &[&str] = &["u8", "u16", "u32", "u64", "i64"];
 
 /// The key that is missing by serde's message.
-pub fn missing_key(message: &str) -> Option<&str> {
+pub(crate) fn missing_key(message: &str) -> Option<&str> {
     message.strip_prefix("missing field `")?.strip_suffix('`')
 }
 
@@ -128,7 +128,7 @@ fn given_value(serde: &str) -> String {
 const FORM: &str = "write key = value, a key a line, texts in quotes";
 
 /// The fault of a line that is not TOML, from the parser's `message` and the offset of the fault.
-pub fn no_toml(message: &str, line: &str, offset: usize) -> String {
+pub(crate) fn no_toml(message: &str, line: &str, offset: usize) -> String {
     if let Some(reason) = no_date(line, offset) {
         return reason;
     }

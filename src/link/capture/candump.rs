@@ -132,7 +132,7 @@ fn frame_of(text: &str) -> Option<CanFrame> {
 }
 
 /// Reassembles the packets of CAN frames, each with the time of its last frame.
-pub fn packets(frames: &[Record<CanFrame>]) -> Vec<Record<Bytes>> {
+pub(crate) fn packets(frames: &[Record<CanFrame>]) -> Vec<Record<Bytes>> {
     let fd = frames.iter().any(|frame| frame.item.fd);
     // One receiver for each end.
     let mut ends = [Node::new(Side::Emulator, fd), Node::new(Side::Client, fd)];

@@ -11,7 +11,7 @@ use skyloop_protocols::{
 use std::fmt::Debug;
 
 /// Describes a packet in messages.
-pub fn describe(personality: &Personality, packet: &[u8]) -> String {
+pub(crate) fn describe(personality: &Personality, packet: &[u8]) -> String {
     let sealed = sealed(packet);
     let Ok((_, reply)) = (personality.decode_reply)(&sealed) else {
         return match identify(packet) {
@@ -35,7 +35,7 @@ pub fn describe(personality: &Personality, packet: &[u8]) -> String {
 
 /// Describes the first relevant difference of a replayed packet from the recorded one. Counters and
 /// times of a Status are not compared.
-pub fn first(
+pub(crate) fn first(
     personality: &Personality,
     width: u16,
     recorded: &[u8],

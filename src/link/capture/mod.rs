@@ -143,7 +143,7 @@ enum Message {
 
 /// Converts instants to wall clock time. Does not jump when the wall clock is set.
 #[derive(Debug, Clone, Copy)]
-pub struct WallTime {
+pub(crate) struct WallTime {
     zero: Instant,
     unix: Duration,
 }
@@ -269,7 +269,7 @@ pub struct Recorder {
 
 impl Recorder {
     /// Records one line of a log of CAN frames.
-    pub fn frame(&self, instant: Instant, direction: Direction, frame: &CanFrame) {
+    pub(crate) fn frame(&self, instant: Instant, direction: Direction, frame: &CanFrame) {
         let record = Record::plain(self.clock.of(instant), direction, *frame);
         self.send(candump::line(&record).into_bytes());
     }

@@ -38,7 +38,7 @@ const OUTBOUND: u32 = 2;
 const MAX_BLOCK: usize = 1 << 20;
 
 /// The start of a file: the section with its comments, and an interface per link.
-pub fn head(links: &[String], comments: &[String]) -> Vec<u8> {
+pub(crate) fn head(links: &[String], comments: &[String]) -> Vec<u8> {
     let mut section = Vec::new();
     section.extend(MAGIC.to_le_bytes());
     // Version 1.0; unknown length of the section.
@@ -114,7 +114,7 @@ fn framed(kind: u32, body: &[u8]) -> Vec<u8> {
 }
 
 /// Whether `bytes` start like a file of this format.
-pub fn is_pcapng(bytes: &[u8]) -> bool {
+pub(crate) fn is_pcapng(bytes: &[u8]) -> bool {
     bytes.starts_with(&SECTION.to_le_bytes())
 }
 

@@ -5,7 +5,7 @@ use skyloop_protocols::{Personality, Reply};
 
 /// Position of a packet: ordered by frame, then within the frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub struct Position {
+pub(crate) struct Position {
     /// Number of the frame.
     pub frame: u32,
     /// 0 header, 1 pixels, 2 labels, 3 end.
@@ -45,14 +45,14 @@ impl Position {
 }
 
 /// The position of a packet in its frame; `None` for an answer.
-pub fn position_of(personality: &Personality, packet: &[u8]) -> Option<Position> {
+pub(crate) fn position_of(personality: &Personality, packet: &[u8]) -> Option<Position> {
     let sealed = sealed(packet);
     let (_, reply) = (personality.decode_reply)(&sealed).ok()?;
     Position::of(&reply, packet)
 }
 
 /// The packet with a corrected CRC: a recording may have been edited by hand.
-pub fn sealed(packet: &[u8]) -> Vec<u8> {
+pub(crate) fn sealed(packet: &[u8]) -> Vec<u8> {
     let mut packet = packet.to_vec();
     reseal(&mut packet);
     packet

@@ -101,7 +101,7 @@ impl Book {
     }
 
     /// Flushes the log to its file.
-    pub fn flush(&mut self) {
+    pub(crate) fn flush(&mut self) {
         if let Some(log) = &mut self.log {
             log.attempt(|file| file.flush());
         }

@@ -96,11 +96,6 @@ impl Plan {
         })
     }
 
-    /// Number of faults.
-    pub fn len(&self) -> usize {
-        self.rules.len()
-    }
-
     /// Whether it has no faults.
     pub fn is_empty(&self) -> bool {
         self.rules.is_empty()
@@ -142,7 +137,7 @@ fn rule(
         Some(for_s) => Some(check.limit(LIMITS, &key("for_s"), for_s)?),
         None => None,
     };
-    let value = value(check, &key, raw, *kind)?;
+    let value = value(check, key, raw, *kind)?;
     let from = Duration::from_secs_f64(at_s);
     Ok(Rule::new(
         Fault {

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 /// A fault and its active time since the engine's zero.
 #[derive(Debug, Clone)]
-pub struct Rule {
+pub(crate) struct Rule {
     pub(super) fault: Fault,
     /// Seed of its random numbers.
     pub(super) seed: u64,

@@ -24,7 +24,7 @@ use std::time::Duration;
 use tokio::sync::mpsc::{channel, error::TrySendError as TryQueue};
 
 /// UDP.
-pub const UDP: Link = Link {
+pub(crate) const UDP: Link = Link {
     scheme: "udp",
     example: "udp://127.0.0.1:4810",
     is_bus: false,

@@ -45,7 +45,7 @@ impl Memory {
 
     /// Growth since the run was warm, as a share.
     #[must_use]
-    pub fn growth(&self) -> Option<f64> {
+    pub(crate) fn growth(&self) -> Option<f64> {
         let [warm, end] = [self.warm?, self.end?].map(|bytes| bytes as f64);
         (warm > 0.0).then(|| (end - warm) / warm)
     }
@@ -53,7 +53,7 @@ impl Memory {
     /// `98.40 MB after 60 s, 98.65 MB at the end (+0.26 %)`; `98.65 MB at the end, before it was
     /// warm (60 s)`.
     #[must_use]
-    pub fn describe(&self) -> String {
+    pub(crate) fn describe(&self) -> String {
         let megabytes = |bytes: Option<u64>| {
             bytes.map_or("unknown".to_string(), |bytes| {
                 format!("{:.2} MB", bytes as f64 * 1e-6)

@@ -22,7 +22,7 @@ const MAX_HELD: usize = 16;
 
 /// The policy, and the estimates.
 #[derive(Debug)]
-pub struct LatePolicy {
+pub(crate) struct LatePolicy {
     policy: OnOverrun,
     /// The configured tolerances, then coarser and coarser ones.
     levels: Vec<Level>,
@@ -100,7 +100,7 @@ impl Estimate {
 
 /// Decision about an exposure.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Decision {
+pub(crate) enum Decision {
     /// Render it.
     Render {
         /// Level of tolerances.

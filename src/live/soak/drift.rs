@@ -54,7 +54,7 @@ impl Drift {
 
     /// The text in the table.
     #[must_use]
-    pub fn describe(&self) -> String {
+    pub(crate) fn describe(&self) -> String {
         self.seconds().map_or("not known".to_string(), |drift_s| {
             format!("{:+.2} ms from the first fifth to the last", drift_s * 1e3)
         })

@@ -5,7 +5,7 @@ use crate::timing::{FrameTimes, Latencies};
 use std::time::Duration;
 
 /// A frame that took 4 ms.
-pub const TIMES: FrameTimes = FrameTimes {
+pub(crate) const TIMES: FrameTimes = FrameTimes {
     last_byte: Duration::from_millis(4),
     spare_s: 0.05,
     whole: true,
@@ -13,7 +13,7 @@ pub const TIMES: FrameTimes = FrameTimes {
 };
 
 /// Limits without one on memory.
-pub fn limits(max_miss_rate: f64, max_p99_ms: Option<f64>) -> Limits {
+pub(crate) fn limits(max_miss_rate: f64, max_p99_ms: Option<f64>) -> Limits {
     Limits {
         max_miss_rate,
         max_p99_ms,
@@ -22,7 +22,7 @@ pub fn limits(max_miss_rate: f64, max_p99_ms: Option<f64>) -> Limits {
 }
 
 /// A run of one camera.
-pub fn of(latencies: Latencies) -> Measured {
+pub(crate) fn of(latencies: Latencies) -> Measured {
     let name = "A".to_string();
     Measured {
         cameras: vec![Camera {
@@ -36,7 +36,7 @@ pub fn of(latencies: Latencies) -> Measured {
 
 /// A run of `frames` frames. From `slow` on, every second takes 14.2 ms; those in `late` are late
 /// by 4.2 ms.
-pub fn run(limits: &Limits, frames: u32, slow: u32, late: std::ops::Range<u32>) -> Measured {
+pub(crate) fn run(limits: &Limits, frames: u32, slow: u32, late: std::ops::Range<u32>) -> Measured {
     let mut all = limits.latencies();
     for frame in 0..frames {
         let mut times = FrameTimes { frame, ..TIMES };

@@ -54,7 +54,7 @@ impl Limits {
 
     /// A verdict for each limit and camera. A run without frames, or that was stopped, fails.
     #[must_use]
-    pub fn assess(&self, found: &Measured) -> Vec<Verdict> {
+    pub(crate) fn assess(&self, found: &Measured) -> Vec<Verdict> {
         let mut verdicts = Vec::new();
         for Camera {
             name, latencies, ..

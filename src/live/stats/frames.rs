@@ -46,7 +46,7 @@ impl FrameCounters {
 
     /// Adds requests without a frame that were counted elsewhere.
     #[must_use]
-    pub fn with(mut self, withheld: usize, cause: &'static str) -> FrameCounters {
+    pub(crate) fn with(mut self, withheld: usize, cause: &'static str) -> FrameCounters {
         if withheld > 0 {
             self.requested += withheld;
             *self.withheld.entry(cause).or_default() += withheld;

@@ -29,7 +29,7 @@ pub struct Slow {
 impl Miss {
     /// `late by 4.20 ms`, `not whole`, or `an exposure before it has no frame`.
     #[must_use]
-    pub fn describe(&self) -> String {
+    pub(crate) fn describe(&self) -> String {
         let late = self.late_s.map(|s| format!("late by {:.2} ms", s * 1e3));
         time_text(late, self.unexposed)
     }
@@ -38,7 +38,7 @@ impl Miss {
 impl Slow {
     /// `14.2 ms`, else as [`Miss::describe`].
     #[must_use]
-    pub fn describe(&self) -> String {
+    pub(crate) fn describe(&self) -> String {
         let took = |time: Duration| format!("{:.1} ms", time.as_secs_f64() * 1e3);
         time_text(self.last_byte.map(took), self.unexposed)
     }

@@ -94,7 +94,7 @@ fn frame(
 /// Adds the errors of each of `settings` in the frame of `vehicle` to `sums`.
 ///
 /// Errors: those of [`skyloop_render::scene::build_view`].
-pub fn add(
+pub(crate) fn add(
     emulator: &mut Emulator,
     vehicle: &VehicleState,
     settings: &[Setting],
@@ -171,7 +171,7 @@ impl Sums {
 
     /// The sums of a frame of one pixel with this error, e-.
     #[cfg(test)]
-    pub fn of_pixels(e: f64) -> Sums {
+    pub(crate) fn of_pixels(e: f64) -> Sums {
         Sums {
             pixels: 1.0,
             pixels_squared: e * e,
@@ -181,7 +181,7 @@ impl Sums {
     }
 
     /// The means.
-    pub fn errors(&self) -> Errors {
+    pub(crate) fn errors(&self) -> Errors {
         let mean = |sum: f64, count: f64| if count > 0.0 { sum / count } else { 0.0 };
         let [x, y] = self.moves.map(|sum| mean(sum, self.moved));
         Errors {

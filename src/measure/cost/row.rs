@@ -46,7 +46,7 @@ const SIGMAS: f64 = 3.0;
 const SMALL: f64 = 0.01;
 
 /// The rows of `settings`, with their summed errors and their frame times (ms) by round.
-pub fn rows(settings: Vec<Setting>, sums: &[Sums], times: &[Vec<f64>]) -> Vec<Row> {
+pub(crate) fn rows(settings: Vec<Setting>, sums: &[Sums], times: &[Vec<f64>]) -> Vec<Row> {
     let row = |((setting, sums), times): ((Setting, &Sums), &Vec<f64>)| {
         let sample = Sample::new(times.iter().copied());
         let (tolerance, value) = setting.moved.unzip();
@@ -84,7 +84,7 @@ pub fn rows(settings: Vec<Setting>, sums: &[Sums], times: &[Vec<f64>]) -> Vec<Ro
 }
 
 /// Whether pixels have smaller errors, by more than rounding.
-pub fn is_closer(a: &Errors, b: &Errors) -> bool {
+pub(crate) fn is_closer(a: &Errors, b: &Errors) -> bool {
     let [of_size, e] = ROUNDING;
     a.frame_rms_e < b.frame_rms_e * (1.0 - of_size) - e
 }
@@ -118,7 +118,7 @@ mod tests {
     use crate::measure::cost::setting::settings;
 
     /// Rows of the presets with these times (ms) and errors of pixels (e-).
-    pub fn made(of: [(f64, f64); 3]) -> Vec<Row> {
+    pub(crate) fn made(of: [(f64, f64); 3]) -> Vec<Row> {
         let presets = settings().into_iter().take(3).collect();
         // 2 % take 1.5 times as long.
         let times = of.map(|(ms, _)| {

@@ -16,7 +16,7 @@ use std::hint::black_box;
 use std::time::Instant;
 
 /// The built-in scene's camera at 10 Hz, with a synthetic catalogue.
-pub fn measure() -> Result<Step, ConfigError> {
+pub(crate) fn measure() -> Result<Step, ConfigError> {
     let (tracked, first_ms, found, bytes) = frames(Orbits::Tracked)?;
     let (exact, ..) = frames(Orbits::Exact)?;
     Ok(Step {

@@ -105,12 +105,12 @@ impl Batch {
     }
 
     /// Number of blocks.
-    pub fn blocks(&self) -> usize {
+    pub(crate) fn blocks(&self) -> usize {
         self.objects.len() / BLOCK
     }
 
     /// The objects of the input in a block's slots, or [`NO_OBJECT`].
-    pub fn objects_of(&self, block: usize) -> &[u32] {
+    pub(crate) fn objects_of(&self, block: usize) -> &[u32] {
         let from = block * BLOCK;
         self.objects.get(from..from + BLOCK).unwrap_or(&[])
     }
@@ -126,7 +126,7 @@ impl Batch {
     }
 
     /// Memory of the catalogue, bytes.
-    pub fn bytes(&self) -> usize {
+    pub(crate) fn bytes(&self) -> usize {
         fn of<M>(blocks: &Vec<M>) -> usize {
             blocks.capacity() * size_of::<M>()
         }

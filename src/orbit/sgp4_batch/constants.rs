@@ -9,7 +9,7 @@ use serde::Deserialize;
 
 /// The model's constants of one object; angles in rad, times in minutes, lengths in Earth radii.
 #[derive(Clone, Debug, Deserialize)]
-pub struct ModelConstants {
+pub(crate) struct ModelConstants {
     /// The Earth's field: a_e (km), k_e, J2, J3, J4.
     pub earth: [f64; 5],
     pub node_dot: f64,
@@ -25,7 +25,7 @@ pub struct ModelConstants {
 
 /// The mean elements, with Brouwer's mean motion.
 #[derive(Clone, Debug, Deserialize)]
-pub struct Mean {
+pub(crate) struct Mean {
     pub inclination: f64,
     pub node: f64,
     pub eccentricity: f64,
@@ -35,7 +35,7 @@ pub struct Mean {
 }
 
 #[derive(Clone, Debug, Deserialize)]
-pub enum Method {
+pub(crate) enum Method {
     NearEarth {
         a0: f64,
         _k2_k3_k4: [f64; 3],
@@ -55,7 +55,7 @@ pub enum Method {
 /// Drag terms of an orbit with its perigee at 220 km or above.
 #[derive(Clone, Debug, Deserialize)]
 #[allow(clippy::large_enum_variant)] // as in the crate
-pub enum High {
+pub(crate) enum High {
     No {},
     Yes {
         c5: f64,
@@ -72,20 +72,20 @@ pub enum High {
 }
 
 #[derive(Clone, Debug, Deserialize)]
-pub enum Elliptic {
+pub(crate) enum Elliptic {
     No {},
     Yes { k11: f64, k12: f64, k13: f64 },
 }
 
 /// Amplitudes of Sun or Moon, and its mean anomaly at the epoch.
 #[derive(Clone, Debug, Deserialize)]
-pub struct Perturber {
+pub(crate) struct Perturber {
     pub k: [f64; 12],
     pub mean_anomaly: f64,
 }
 
 #[derive(Clone, Debug, Deserialize)]
-pub enum Resonant {
+pub(crate) enum Resonant {
     No {
         a0: f64,
     },
@@ -98,7 +98,7 @@ pub enum Resonant {
 }
 
 #[derive(Clone, Debug, Deserialize)]
-pub enum Resonance {
+pub(crate) enum Resonance {
     /// dr1, dr2, dr3.
     OneDay([f64; 3]),
     /// D2201, D2211, D3210, D3222, D4410, D4422, D5220, D5232, D5421, D5433 and k14, the perigee's

@@ -20,7 +20,7 @@ const LYDDANE: f64 = 0.2;
 /// A block of deep-space orbits.
 #[derive(Clone, Debug, Default)]
 #[repr(align(64))]
-pub struct Deep<R> {
+pub(crate) struct Deep<R> {
     secular: Secular,
     inclination: Row,
     inclination_dot: Row,

@@ -14,21 +14,21 @@ pub type Row = [f64; BLOCK];
 
 /// One number for each object in a vector register.
 #[derive(Clone, Copy, Debug)]
-pub struct Lanes<S: Simd> {
+pub(crate) struct Lanes<S: Simd> {
     simd: S,
     values: S::f64s,
 }
 
 /// One truth value for each object in a vector register.
 #[derive(Clone, Copy, Debug)]
-pub struct Truth<S: Simd> {
+pub(crate) struct Truth<S: Simd> {
     simd: S,
     truth: S::m64s,
 }
 
 /// The objects of a block that fit a vector register, and the instructions for it.
 #[derive(Clone, Copy, Debug)]
-pub struct Part<S: Simd> {
+pub(crate) struct Part<S: Simd> {
     simd: S,
     /// Index within the block.
     index: usize,

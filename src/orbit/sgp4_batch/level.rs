@@ -20,7 +20,7 @@ pub enum Level {
 
 impl Level {
     /// From the slowest to the fastest.
-    pub const ALL: [Level; 4] = [Level::Portable, Level::Neon, Level::Avx2, Level::Avx512];
+    pub(crate) const ALL: [Level; 4] = [Level::Portable, Level::Neon, Level::Avx2, Level::Avx512];
 
     /// The levels of this processor, from the slowest to the fastest.
     pub fn available() -> Vec<Level> {

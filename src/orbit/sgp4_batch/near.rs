@@ -16,7 +16,7 @@ use pulp::Simd;
 /// A block of near-Earth orbits.
 #[derive(Clone, Debug, Default)]
 #[repr(align(64))]
-pub struct Near {
+pub(crate) struct Near {
     secular: Secular,
     sin_i: Row,
     cos_i: Row,

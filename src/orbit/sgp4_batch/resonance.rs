@@ -27,7 +27,7 @@ const G52: f64 = 1.050_833_0;
 const G54: f64 = 4.410_889_8;
 
 /// Mean elements before Sun, Moon and drag.
-pub struct Unperturbed<S: Simd> {
+pub(crate) struct Unperturbed<S: Simd> {
     /// Semi-major axis, Earth radii.
     pub a: Lanes<S>,
     /// rad
@@ -37,7 +37,7 @@ pub struct Unperturbed<S: Simd> {
 }
 
 /// Change of mean anomaly and semi-major axis with time.
-pub trait Resonance: Default + Send + Sync {
+pub(crate) trait Resonance: Default + Send + Sync {
     const SITE: Site;
 
     fn set(&mut self, i: usize, mean_motion: f64, constants: &constants::Resonant);
@@ -57,7 +57,7 @@ pub trait Resonance: Default + Send + Sync {
 
 /// No resonance.
 #[derive(Clone, Debug, Default)]
-pub struct Free {
+pub(crate) struct Free {
     a0: Row,
 }
 
@@ -87,12 +87,12 @@ impl Resonance for Free {
 }
 
 /// Resonance with one day.
-pub type OneDay = Resonant<OneDayTerms>;
+pub(crate) type OneDay = Resonant<OneDayTerms>;
 /// Resonance with half a day.
-pub type HalfDay = Resonant<HalfDayTerms>;
+pub(crate) type HalfDay = Resonant<HalfDayTerms>;
 
 /// The terms of a resonance.
-pub trait Terms: Default + Send + Sync {
+pub(crate) trait Terms: Default + Send + Sync {
     const SITE: Site;
 
     fn set(&mut self, i: usize, constants: &constants::Resonance);
@@ -113,7 +113,7 @@ pub trait Terms: Default + Send + Sync {
 
 /// Resonant orbits: initial values of the integrator, and its state.
 #[derive(Clone, Debug, Default)]
-pub struct Resonant<T> {
+pub(crate) struct Resonant<T> {
     mean_motion_0: Row,
     lambda_0: Row,
     lambda_dot: Row,
@@ -244,7 +244,7 @@ fn major_axis<S: Simd>(n: Lanes<S>, guess: Lanes<S>) -> Lanes<S> {
 }
 
 /// n', and d n' / d lambda.
-pub struct Pull<S: Simd> {
+pub(crate) struct Pull<S: Simd> {
     n_dot: Lanes<S>,
     slope: Lanes<S>,
 }
@@ -269,7 +269,7 @@ impl<S: Simd> Pull<S> {
 
 /// dr1, dr2, dr3.
 #[derive(Clone, Debug, Default)]
-pub struct OneDayTerms([Row; 3]);
+pub(crate) struct OneDayTerms([Row; 3]);
 
 impl Terms for OneDayTerms {
     const SITE: Site = Site::OneDay;
@@ -304,7 +304,7 @@ impl Terms for OneDayTerms {
 }
 
 #[derive(Clone, Debug, Default)]
-pub struct HalfDayTerms {
+pub(crate) struct HalfDayTerms {
     d: [Row; 10],
     /// k14: the perigee's rate by the Earth alone, rad/min.
     perigee_dot: Row,

@@ -12,7 +12,7 @@ const DAY_MIN: f64 = 1440.0;
 /// An instant: days since 1900-01-01T00:00 TAI, and minutes of the day. The difference of two loses
 /// no digits.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Instant {
+pub(crate) struct Instant {
     day: f64,
     minute: f64,
 }
@@ -34,7 +34,7 @@ impl Instant {
 
 /// An instant for each slot of a block.
 #[derive(Clone, Copy, Debug)]
-pub struct Instants {
+pub(crate) struct Instants {
     day: Row,
     minute: Row,
 }
@@ -64,7 +64,7 @@ const NO_INSTANT: Instant = Instant {
 
 /// The requested time.
 #[derive(Clone, Copy, Debug)]
-pub enum When {
+pub(crate) enum When {
     /// One instant.
     At(Instant),
     /// Minutes after each object's epoch.
@@ -73,7 +73,7 @@ pub enum When {
 
 /// Epochs, secular rates and drag of a block; rad, rad/min.
 #[derive(Clone, Debug, Default)]
-pub struct Secular {
+pub(crate) struct Secular {
     day: Row,
     minute: Row,
     pub mean_anomaly: Row,

@@ -21,7 +21,7 @@ const LAST_STEP: f64 = 1e-7;
 
 /// Failure codes, or 0. The first failure counts.
 #[derive(Clone, Copy, Debug)]
-pub struct Failed<S: Simd>(Lanes<S>);
+pub(crate) struct Failed<S: Simd>(Lanes<S>);
 
 impl<S: Simd> Failed<S> {
     /// Fails objects that are too far from their epochs, `t` in minutes.
@@ -55,7 +55,7 @@ impl<S: Simd> Failed<S> {
 
 /// Mean elements at an instant, with all but the short-period perturbations; rad, Earth radii.
 #[derive(Clone, Copy, Debug)]
-pub struct Perturbed<S: Simd> {
+pub(crate) struct Perturbed<S: Simd> {
     pub failed: Failed<S>,
     pub a: Lanes<S>,
     pub eccentricity: Lanes<S>,
@@ -70,7 +70,7 @@ pub struct Perturbed<S: Simd> {
 
 /// k5 of an inclination. Near 180 deg the divisor is limited to 1.5e-12.
 #[inline(always)]
-pub fn k5<S: Simd>(sin_i: Lanes<S>, cos_i: Lanes<S>) -> Lanes<S> {
+pub(crate) fn k5<S: Simd>(sin_i: Lanes<S>, cos_i: Lanes<S>) -> Lanes<S> {
     let (one, least) = (sin_i.splat(1.0), sin_i.splat(1.5e-12));
     let sum = one + cos_i;
     let divisor = least.less_than(sum.abs()).select(sum, least);
@@ -81,7 +81,7 @@ pub fn k5<S: Simd>(sin_i: Lanes<S>, cos_i: Lanes<S>) -> Lanes<S> {
 /// blocks: in a single block every operation would wait for the one before.
 #[derive(Clone, Debug)]
 #[repr(align(64))]
-pub struct Intermediate {
+pub(crate) struct Intermediate {
     failed: Row,
     a: Row,
     node: Row,

@@ -52,7 +52,7 @@ const SILICON: &[f64] = &[
 
 impl Band {
     /// Bands with a name.
-    pub const NAMES: [&str; 2] = ["v", "silicon"];
+    pub(crate) const NAMES: [&str; 2] = ["v", "silicon"];
 
     /// Full response between two wavelengths (m), limited to 300 to 1200 nm and at least a
     /// picometre wide.
@@ -131,7 +131,7 @@ impl Band {
 
     /// The parts of [`Band::sun_irradiance`]: wavelength (m) and photon irradiance (ph/s/m^2) of
     /// each step of the band.
-    pub fn sun_spectrum(&self) -> impl Iterator<Item = (f64, f64)> + '_ {
+    pub(crate) fn sun_spectrum(&self) -> impl Iterator<Item = (f64, f64)> + '_ {
         let photons = |(w, r): &(f64, f64)| (*w, r * solar_irradiance(*w) * w / H_C * self.step_m);
         self.samples.iter().map(photons)
     }
@@ -181,7 +181,7 @@ impl Band {
 
     /// Wavelengths in units of the reference, and the photons at each (any unit) from a star of the
     /// Sun's colour.
-    pub fn spectrum(&self) -> Vec<(f64, f64)> {
+    pub(crate) fn spectrum(&self) -> Vec<(f64, f64)> {
         let (reference, t) = (self.reference_m(), temperature(SUN_B_V));
         let part = |(w, r): &(f64, f64)| (w / reference, r * planck(*w, t));
         self.samples.iter().map(part).collect()

@@ -56,7 +56,7 @@ impl Detector {
     /// `T^1.5 exp(-E_gap / 2 k T)` (Janesick 2001, ch. 7), which doubles in 8 K at 20 deg C and in
     /// 6 K at -20. Where diffusion from the bulk prevails, at high temperature, it is
     /// `exp(-E_gap / k T)`, twice as fast (Widenhorn et al. 2002, Proc. SPIE 4669, 193).
-    pub fn dark_growth(warmer_k: f64, doubling_k: f64) -> f64 {
+    pub(crate) fn dark_growth(warmer_k: f64, doubling_k: f64) -> f64 {
         libm::exp2(warmer_k / doubling_k)
     }
 
@@ -74,7 +74,7 @@ impl Detector {
     }
 
     /// The charge (e-) at the converter's largest number.
-    pub fn converter_reach_e(&self) -> f64 {
+    pub(crate) fn converter_reach_e(&self) -> f64 {
         (f64::from(self.max_dn()) - self.offset_dn) * self.gain_e_per_dn
     }
 

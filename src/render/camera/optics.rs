@@ -43,7 +43,7 @@ impl Optics {
 
     /// The centroid of the light of a source whose image is at a pixel.
     #[inline]
-    pub fn lit(&self, pixel: [f64; 2]) -> [f64; 2] {
+    pub(crate) fn lit(&self, pixel: [f64; 2]) -> [f64; 2] {
         if self.psf.is_symmetric() {
             return pixel;
         }
@@ -57,7 +57,7 @@ impl Optics {
     }
 
     /// Its projection, or the ideal one if `distorts` is false.
-    pub fn projection_if(&self, distorts: bool) -> Projection {
+    pub(crate) fn projection_if(&self, distorts: bool) -> Projection {
         if distorts {
             self.projection
         } else {

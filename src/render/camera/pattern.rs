@@ -167,7 +167,7 @@ impl Pattern {
     }
 
     /// Relative response of every pixel, row-major (1); none if all are equal.
-    pub fn response(&self) -> Option<&[f32]> {
+    pub(crate) fn response(&self) -> Option<&[f32]> {
         (!self.response.is_empty()).then_some(&self.response)
     }
 
@@ -182,7 +182,7 @@ impl Pattern {
     }
 
     /// Dark current of every pixel, row-major, with hot pixels, e-/s; none if all are equal.
-    pub fn dark_e_s(&self) -> Option<&[f32]> {
+    pub(crate) fn dark_e_s(&self) -> Option<&[f32]> {
         (!self.dark_e_s.is_empty()).then_some(&self.dark_e_s)
     }
 
@@ -194,7 +194,7 @@ impl Pattern {
     }
 
     /// Dark current of the coldest pixel, e-/s.
-    pub fn dark_min_e_s(&self) -> f64 {
+    pub(crate) fn dark_min_e_s(&self) -> f64 {
         self.dark_min_e_s
     }
 
@@ -209,7 +209,7 @@ impl Pattern {
     }
 
     /// Dark current of the hottest pixel of a column, e-/s.
-    pub fn dark_max_of_column(&self, column: usize) -> f64 {
+    pub(crate) fn dark_max_of_column(&self, column: usize) -> f64 {
         self.hottest_e_s
             .get(column)
             .map_or(self.dark_max_e_s, |d| f64::from(*d))

@@ -27,9 +27,9 @@ use skyloop_base::range::nearest;
 use skyloop_base::rng::{NoiseKey, PixelStream};
 
 /// Greatest expected number of events in one exposure.
-pub const MAX_EVENTS: f64 = 1e5;
+pub(crate) const MAX_EVENTS: f64 = 1e5;
 /// Greatest expected number of pixel computations for the particles of one exposure: some seconds.
-pub const MAX_WORK: f64 = 1e8;
+pub(crate) const MAX_WORK: f64 = 1e8;
 /// Greatest expected number of pixel computations for one particle.
 pub const MAX_WORK_AN_EVENT: f64 = 1e6;
 
@@ -86,7 +86,7 @@ impl Radiation {
 
     /// Mean number of pixel computations for one particle: its track is `pi / 2 thickness` long in
     /// the plane.
-    pub fn work_an_event(&self, detector: &Detector) -> f64 {
+    pub(crate) fn work_an_event(&self, detector: &Detector) -> f64 {
         let [track, sigma] =
             [self.thickness_um, self.diffusion_um].map(|um| um * 1e-6 / detector.pitch_m);
         let track = std::f64::consts::FRAC_PI_2 * track;

@@ -21,7 +21,7 @@ pub enum Shutter {
 }
 
 /// Names in camera files.
-pub const SHUTTERS: [&str; 3] = ["global", "rolling", "frame-transfer"];
+pub(crate) const SHUTTERS: [&str; 3] = ["global", "rolling", "frame-transfer"];
 
 impl Shutter {
     /// The shutter called `name`; `row_s` is the time from row to row.

@@ -47,7 +47,7 @@ impl Stray {
     }
 
     /// Whether the optics scatter any light.
-    pub fn scatters(&self) -> bool {
+    pub(crate) fn scatters(&self) -> bool {
         !self.points.is_empty()
     }
 
@@ -76,7 +76,7 @@ impl Stray {
     /// The veil (e-/s per pixel) of a source with `irradiance` (ph/s/m^2 in the band) on the
     /// aperture, `angle` (rad) from the boresight, on pixels of `pitch_m` with
     /// `quantum_efficiency`.
-    pub fn veil_e_s(
+    pub(crate) fn veil_e_s(
         &self,
         irradiance: f64,
         angle: f64,

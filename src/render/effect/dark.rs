@@ -19,7 +19,8 @@ use crate::scene::bounds::{BELOW_NOISE, final_change_e, is_below_noise, of_cells
 use crate::scene::{EffectId, Scene};
 
 /// Dark charge.
-pub const DARK_CURRENT: Effect = Effect::light(EffectId::DarkCurrent, "dark current", assess);
+pub(crate) const DARK_CURRENT: Effect =
+    Effect::light(EffectId::DarkCurrent, "dark current", assess);
 
 fn assess<'s>(scene: &'s Scene, _: &Fidelity) -> (Assessment<'s>, Pass<'s>) {
     let pattern = &scene.view.camera.detector.pattern;

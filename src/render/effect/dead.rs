@@ -19,7 +19,7 @@ use crate::scene::bounds::held_of;
 use crate::scene::{EffectId, Scene, struck_e};
 
 /// Dead pixels.
-pub const DEAD_PIXELS: Effect = Effect::charge(EffectId::DeadPixels, "dead pixels", assess);
+pub(crate) const DEAD_PIXELS: Effect = Effect::charge(EffectId::DeadPixels, "dead pixels", assess);
 
 fn assess<'s>(scene: &'s Scene, _: &Fidelity) -> (Assessment<'s>, Pass<'s>) {
     let detector = &scene.view.camera.detector;

@@ -20,7 +20,8 @@ use crate::scene::bounds::{
 use crate::scene::{EffectId, EffectSet, Scene, Source, View, still_evaluations};
 
 /// The lens's departure from its ideal.
-pub const DISTORTION: Effect = Effect::images(EffectId::Distortion, "distortion", assess, change);
+pub(crate) const DISTORTION: Effect =
+    Effect::images(EffectId::Distortion, "distortion", assess, change);
 
 /// Samples of the displacement along a side of the detector and its margins.
 const SAMPLES: usize = 13;

@@ -31,7 +31,7 @@ use hifitime::Unit;
 use nalgebra::Vector3;
 
 /// The change of the stars' aberration during the exposure.
-pub const ABERRATION_DRIFT: Effect = Effect::images(
+pub(crate) const ABERRATION_DRIFT: Effect = Effect::images(
     EffectId::AberrationDrift,
     "aberration drift",
     assess,

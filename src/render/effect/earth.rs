@@ -24,7 +24,7 @@ use nalgebra::Vector3;
 use std::sync::Arc;
 
 /// The Earth's disc.
-pub const EARTH: Effect = Effect::light(EffectId::Earth, "earth", |scene, _| {
+pub(crate) const EARTH: Effect = Effect::light(EffectId::Earth, "earth", |scene, _| {
     let because = |area: &_| format!("its day side is in the field, {}", up_to(area));
     assess(scene, EffectId::Earth, because, 240.0)
 })

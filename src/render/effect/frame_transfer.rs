@@ -19,7 +19,8 @@ use crate::scene::bounds::{BELOW_NOISE, final_change_e, is_below_noise, of_cells
 use crate::scene::{EffectId, Scene};
 
 /// Smear of frame transfer.
-pub const FRAME_TRANSFER: Effect = Effect::light(EffectId::FrameTransfer, "frame transfer", assess);
+pub(crate) const FRAME_TRANSFER: Effect =
+    Effect::light(EffectId::FrameTransfer, "frame transfer", assess);
 
 fn assess<'s>(scene: &'s Scene, _: &Fidelity) -> (Assessment<'s>, Pass<'s>) {
     let smear_e = &scene.transfer_smear_e;

@@ -38,7 +38,7 @@ struct Buffers {
 }
 
 /// Full well.
-pub const FULL_WELL: Effect = Effect::charge(EffectId::FullWell, "full well", assess);
+pub(crate) const FULL_WELL: Effect = Effect::charge(EffectId::FullWell, "full well", assess);
 
 fn assess<'s>(scene: &'s Scene, _: &Fidelity) -> (Assessment<'s>, Pass<'s>) {
     let detector = &scene.view.camera.detector;

@@ -26,7 +26,7 @@ use std::f64::consts::PI;
 use std::sync::Arc;
 
 /// The Earth's air.
-pub const LIMB: Effect = Effect::light(EffectId::Limb, "limb", |scene, _| {
+pub(crate) const LIMB: Effect = Effect::light(EffectId::Limb, "limb", |scene, _| {
     let because = |area: &_| format!("the Earth's air is in the field, {}", up_to(area));
     assess(scene, EffectId::Limb, because, 175.0)
 })

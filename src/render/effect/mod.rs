@@ -175,10 +175,10 @@ pub enum Assess {
 }
 
 /// The assessment of an effect that shapes images, given the earlier effects that run.
-pub type AssessImages = fn(&View, &EffectSet, &Fidelity) -> Assessment<'static>;
+pub(crate) type AssessImages = fn(&View, &EffectSet, &Fidelity) -> Assessment<'static>;
 
 /// The assessment of an effect on pixels, and its pass over them.
-pub type AssessPixels = for<'s> fn(&'s Scene, &Fidelity) -> (Assessment<'s>, Pass<'s>);
+pub(crate) type AssessPixels = for<'s> fn(&'s Scene, &Fidelity) -> (Assessment<'s>, Pass<'s>);
 
 /// Bound of the final change without an effect, from the formed images and its assessment.
 pub type BoundChange = fn(&Scene, &ErrorBound) -> ErrorBound;
@@ -267,7 +267,7 @@ pub enum Pass<'s> {
 
 impl Pass<'_> {
     /// Does nothing.
-    pub fn idle() -> Self {
+    pub(crate) fn idle() -> Self {
         Pass::Pixels(Box::new(|_| {}))
     }
 }
@@ -328,7 +328,7 @@ impl<'s> Assessment<'s> {
     }
 
     /// The same without a borrow of the scene.
-    pub fn into_owned<'t>(self) -> Assessment<'t> {
+    pub(crate) fn into_owned<'t>(self) -> Assessment<'t> {
         Assessment {
             drawn_e: self.drawn_e,
             ..Assessment::new(self.because, *self.error, self.estimated_ms)
@@ -336,13 +336,13 @@ impl<'s> Assessment<'s> {
     }
 
     /// Whether the error without it is within the tolerances.
-    pub fn is_within(&self, fidelity: &Fidelity) -> bool {
+    pub(crate) fn is_within(&self, fidelity: &Fidelity) -> bool {
         // `error` may still have to be computed: it is checked last.
         self.drawn_e <= fidelity.skip_e && self.error.is_within(fidelity)
     }
 
     /// Whether nothing changes without it.
-    pub fn is_none(&self) -> bool {
+    pub(crate) fn is_none(&self) -> bool {
         self.drawn_e == 0.0 && *self.error == ErrorBound::default()
     }
 }
@@ -354,7 +354,7 @@ impl ErrorBound {
     }
 
     /// Whether it is within the tolerances.
-    pub fn is_within(&self, fidelity: &Fidelity) -> bool {
+    pub(crate) fn is_within(&self, fidelity: &Fidelity) -> bool {
         self.px <= fidelity.skip_px && self.e <= fidelity.skip_e
     }
 }

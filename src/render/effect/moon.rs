@@ -22,6 +22,6 @@ use super::point;
 use crate::scene::{EffectId, MOON};
 
 /// The Moon.
-pub const THE_MOON: Effect = Effect::light(EffectId::Moon, "moon", |scene, fidelity| {
+pub(crate) const THE_MOON: Effect = Effect::light(EffectId::Moon, "moon", |scene, fidelity| {
     point::assess_kind(scene, fidelity, (EffectId::Moon, MOON))
 });

@@ -17,7 +17,8 @@ use crate::fidelity::Fidelity;
 use crate::scene::{EffectId, Scene, drawn_e};
 
 /// Non-linearity of the pixels' amplifiers.
-pub const NON_LINEARITY: Effect = Effect::charge(EffectId::NonLinearity, "non-linearity", assess);
+pub(crate) const NON_LINEARITY: Effect =
+    Effect::charge(EffectId::NonLinearity, "non-linearity", assess);
 
 fn assess<'s>(scene: &'s Scene, _: &Fidelity) -> (Assessment<'s>, Pass<'s>) {
     let detector = &scene.view.camera.detector;

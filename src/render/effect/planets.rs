@@ -13,6 +13,7 @@ use super::point;
 use crate::scene::EffectId;
 
 /// The planets.
-pub const PLANETS: Effect = Effect::light(EffectId::Planets, "planets", |scene, fidelity| {
-    point::assess_kind(scene, fidelity, (EffectId::Planets, "planet"))
-});
+pub(crate) const PLANETS: Effect =
+    Effect::light(EffectId::Planets, "planets", |scene, fidelity| {
+        point::assess_kind(scene, fidelity, (EffectId::Planets, "planet"))
+    });

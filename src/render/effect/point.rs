@@ -18,9 +18,9 @@ use crate::scene::bounds::{
 use crate::scene::{EffectId, Lit, Scene, Source, still_ms};
 
 /// The stars.
-pub const STARS: Effect = Effect::light(EffectId::Stars, "stars", assess_stars);
+pub(crate) const STARS: Effect = Effect::light(EffectId::Stars, "stars", assess_stars);
 /// The resident space objects.
-pub const RSOS: Effect = Effect::light(EffectId::Rsos, "rsos", assess_rsos);
+pub(crate) const RSOS: Effect = Effect::light(EffectId::Rsos, "rsos", assess_rsos);
 
 fn assess_stars<'s>(scene: &'s Scene, fidelity: &Fidelity) -> (Assessment<'s>, Pass<'s>) {
     // Computed with the light of all sources.

@@ -20,7 +20,8 @@ use crate::scene::{EffectId, Scene, columns_e, drawn_e};
 use crate::sky::radiation::{FREE_SPACE, flux};
 
 /// Cosmic rays and trapped protons.
-pub const RADIATION: Effect = Effect::charge(EffectId::Radiation, "radiation", assess).random();
+pub(crate) const RADIATION: Effect =
+    Effect::charge(EffectId::Radiation, "radiation", assess).random();
 
 fn assess<'s>(scene: &'s Scene, _: &Fidelity) -> (Assessment<'s>, Pass<'s>) {
     let hits = scene.struck.hits().count();

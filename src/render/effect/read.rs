@@ -15,7 +15,8 @@ use crate::kernels;
 use crate::scene::{EffectId, Scene};
 
 /// Read noise.
-pub const READ_NOISE: Effect = Effect::charge(EffectId::ReadNoise, "read noise", assess).random();
+pub(crate) const READ_NOISE: Effect =
+    Effect::charge(EffectId::ReadNoise, "read noise", assess).random();
 
 /// This effect's identity in the noise key.
 const STREAM: u8 = 2;

@@ -13,7 +13,7 @@ use crate::kernels::{self, Converter};
 use crate::scene::{EffectId, Scene};
 
 /// The converter.
-pub const READOUT: Effect = Effect::of_dn(EffectId::Readout, "readout", assess);
+pub(crate) const READOUT: Effect = Effect::of_dn(EffectId::Readout, "readout", assess);
 
 fn assess<'s>(scene: &'s Scene, _: &Fidelity) -> (Assessment<'s>, Pass<'s>) {
     let detector = &scene.view.camera.detector;

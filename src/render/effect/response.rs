@@ -16,7 +16,8 @@ use crate::scene::bounds::{BELOW_NOISE, final_change_e, is_below_noise, lit_wher
 use crate::scene::{EffectId, Scene};
 
 /// Photo-response non-uniformity.
-pub const PIXEL_RESPONSE: Effect = Effect::light(EffectId::PixelResponse, "pixel response", assess);
+pub(crate) const PIXEL_RESPONSE: Effect =
+    Effect::light(EffectId::PixelResponse, "pixel response", assess);
 
 fn assess<'s>(scene: &'s Scene, _: &Fidelity) -> (Assessment<'s>, Pass<'s>) {
     let pattern = &scene.view.camera.detector.pattern;

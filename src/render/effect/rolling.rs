@@ -21,7 +21,7 @@ use crate::scene::bounds::{
 use crate::scene::{EffectId, EffectSet, Scene, Source, View, work};
 
 /// Rows exposed in turn.
-pub const ROLLING_SHUTTER: Effect =
+pub(crate) const ROLLING_SHUTTER: Effect =
     Effect::images(EffectId::RollingShutter, "rolling shutter", assess, change);
 
 fn assess(view: &View, simulated: &EffectSet, fidelity: &Fidelity) -> Assessment<'static> {

@@ -19,7 +19,8 @@ use crate::scene::{EffectId, Scene, columns_e};
 use skyloop_base::rng::poisson::Switch;
 
 /// Shot noise.
-pub const SHOT_NOISE: Effect = Effect::charge(EffectId::ShotNoise, "shot noise", assess).random();
+pub(crate) const SHOT_NOISE: Effect =
+    Effect::charge(EffectId::ShotNoise, "shot noise", assess).random();
 
 /// This effect's identity in the noise key.
 const STREAM: u8 = 1;

@@ -18,7 +18,7 @@ use crate::scene::bounds::{BoundChange, STEEPEST, areas_changed_e, changed_e, di
 use crate::scene::{EffectId, EffectSet, Scene, Source, View, areas_smear_ms, work};
 
 /// Motion during the exposure.
-pub const SMEAR: Effect = Effect::images(EffectId::Smear, "smear", assess, change);
+pub(crate) const SMEAR: Effect = Effect::images(EffectId::Smear, "smear", assess, change);
 
 fn assess(view: &View, simulated: &EffectSet, fidelity: &Fidelity) -> Assessment<'static> {
     if view.still_in_flood {

@@ -18,7 +18,7 @@ use crate::scene::{EffectId, Found, Surroundings, View, World};
 use nalgebra::Vector3;
 
 /// Starlight below the catalogue's limit.
-pub const STARLIGHT: Effect = Effect::light(EffectId::Starlight, "starlight", |scene, _| {
+pub(crate) const STARLIGHT: Effect = Effect::light(EffectId::Starlight, "starlight", |scene, _| {
     assess(scene, EffectId::Starlight, up_to, 330.0)
 })
 .found_by(find, EARTH_FILLS);

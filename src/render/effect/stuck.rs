@@ -17,7 +17,8 @@ use crate::scene::bounds::held_of;
 use crate::scene::{EffectId, Scene};
 
 /// Stuck pixels.
-pub const STUCK_PIXELS: Effect = Effect::of_dn(EffectId::StuckPixels, "stuck pixels", assess);
+pub(crate) const STUCK_PIXELS: Effect =
+    Effect::of_dn(EffectId::StuckPixels, "stuck pixels", assess);
 
 fn assess<'s>(scene: &'s Scene, _: &Fidelity) -> (Assessment<'s>, Pass<'s>) {
     let detector = &scene.view.camera.detector;

@@ -31,7 +31,7 @@ use std::sync::Arc;
 const EVALUATION_NS: f64 = 45.0;
 
 /// Sunlight.
-pub const SUNLIGHT: Effect = Effect::light(EffectId::Sunlight, "sunlight", |scene, _| {
+pub(crate) const SUNLIGHT: Effect = Effect::light(EffectId::Sunlight, "sunlight", |scene, _| {
     assess(
         scene,
         EffectId::Sunlight,
@@ -41,15 +41,16 @@ pub const SUNLIGHT: Effect = Effect::light(EffectId::Sunlight, "sunlight", |scen
 })
 .found_by(sunlight, NOTHING);
 /// Moonglow.
-pub const MOONGLOW: Effect = Effect::light(EffectId::Moonglow, "moonglow", |scene, _| {
+pub(crate) const MOONGLOW: Effect = Effect::light(EffectId::Moonglow, "moonglow", |scene, _| {
     assess(scene, EffectId::Moonglow, scatters, EVALUATION_NS)
 })
 .found_by(moonglow, NOTHING);
 /// Earthshine.
-pub const EARTHSHINE: Effect = Effect::light(EffectId::Earthshine, "earthshine", |scene, _| {
-    assess(scene, EffectId::Earthshine, scatters, EVALUATION_NS)
-})
-.found_by(earthshine, NOTHING);
+pub(crate) const EARTHSHINE: Effect =
+    Effect::light(EffectId::Earthshine, "earthshine", |scene, _| {
+        assess(scene, EffectId::Earthshine, scatters, EVALUATION_NS)
+    })
+    .found_by(earthshine, NOTHING);
 
 fn scatters(area: &AreaLight) -> String {
     format!("the optics scatter {}", up_to(area))

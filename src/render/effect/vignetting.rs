@@ -30,7 +30,8 @@ use crate::scene::bounds::{
 use crate::scene::{Body, EffectId, EffectSet, Scene, Source, View, still_evaluations, work};
 
 /// The transmission off the boresight.
-pub const VIGNETTING: Effect = Effect::images(EffectId::Vignetting, "vignetting", assess, change);
+pub(crate) const VIGNETTING: Effect =
+    Effect::images(EffectId::Vignetting, "vignetting", assess, change);
 
 fn assess(view: &View, simulated: &EffectSet, fidelity: &Fidelity) -> Assessment<'static> {
     let vignetting = &view.camera.optics.vignetting;

@@ -21,7 +21,7 @@ use crate::sky::zodiacal::{ZodiacalLight, distance_factor};
 use nalgebra::Vector3;
 
 /// Zodiacal light.
-pub const ZODIACAL_LIGHT: Effect =
+pub(crate) const ZODIACAL_LIGHT: Effect =
     Effect::light(EffectId::ZodiacalLight, "zodiacal light", |scene, _| {
         assess(scene, EffectId::ZodiacalLight, up_to, 260.0)
     })

@@ -17,7 +17,7 @@ pub enum Orbits {
 
 impl Orbits {
     /// The names of the methods.
-    pub const WORDS: &[&str] = &["tracked", "exact", "scalar"];
+    pub(crate) const WORDS: &[&str] = &["tracked", "exact", "scalar"];
     const ALL: [Orbits; 3] = [Orbits::Tracked, Orbits::Exact, Orbits::Scalar];
 }
 

@@ -36,7 +36,7 @@ impl Tolerance {
 
     /// Whether `one` renders coarser or faster than `other`: a greater tolerance, or a method
     /// listed earlier.
-    pub fn is_coarser(&self, one: Value, other: Value) -> bool {
+    pub(crate) fn is_coarser(&self, one: Value, other: Value) -> bool {
         match (one, other, self.allowed) {
             (Value::Number(one), Value::Number(other), _) => one > other,
             (Value::Word(one), Value::Word(other), Allowed::Words(words)) => {
@@ -177,7 +177,7 @@ impl Fidelity {
 
     /// Length of a panel in units of the PSF's sigma, for a streak whose pixels get `height_e` (e-)
     /// at most: `step^4 / 4320 * 1.4 height_e = track_e`.
-    pub fn step_sigma(&self, height_e: f64) -> f64 {
+    pub(crate) fn step_sigma(&self, height_e: f64) -> f64 {
         let step = (self.track_e * 4320.0 / (1.4 * height_e)).sqrt().sqrt();
         step.max(self.track_step_sigma)
             .min(LONGEST_STEP_SIGMA.max(self.track_step_sigma))
@@ -191,7 +191,7 @@ impl Fidelity {
     /// ```text
     /// error = max(step^4 / 3086 q / (1 + q^2)^(1/2), track_e / height_e q)
     /// q = length / (2 pi)^(1/2)
-    pub fn streak_error(&self, length: f64, height_e: f64) -> f64 {
+    pub(crate) fn streak_error(&self, length: f64, height_e: f64) -> f64 {
         // The value of profile() at its longest step is below a hundredth of a streak's height.
         const MAX: f64 = 5e-4;
         let q = length / TAU.sqrt();
@@ -201,7 +201,7 @@ impl Fidelity {
 
     /// Longest track, in units of the PSF's sigma, that is drawn as one point: its profile, with a
     /// curvature of at most `height_e / sigma^2`, errs by `step^2 / 24 height_e = track_e`.
-    pub fn point_sigma(&self, height_e: f64) -> f64 {
+    pub(crate) fn point_sigma(&self, height_e: f64) -> f64 {
         (self.track_e * 24.0 / height_e)
             .sqrt()
             .min(LONGEST_STEP_SIGMA)

@@ -30,7 +30,7 @@ pub struct Bloom {
 impl Bloom {
     /// Spills the charge of `column` (e-) above `well` (e-). Returns the charge lost at the first
     /// and the last pixel, e-.
-    pub fn blooming(&mut self, column: &mut [f32], well: f64) -> [f64; 2] {
+    pub(crate) fn blooming(&mut self, column: &mut [f32], well: f64) -> [f64; 2] {
         if !column.iter().any(|e| f64::from(*e) > well) {
             return [0.0; 2];
         }

@@ -29,7 +29,7 @@ impl<'a> Nodes<'a> {
 
 /// Interpolates at each position of `across` and one position `down`: `sum_jk w_j v_k F_jk`.
 #[inline(always)]
-pub fn body(nodes: &Nodes<'_>, across: &[Place], down: &Place, line: &mut [f64]) {
+pub(crate) fn body(nodes: &Nodes<'_>, across: &[Place], down: &Place, line: &mut [f64]) {
     let rows = nodes.rows(down);
     for (value, position) in line.iter_mut().zip(across) {
         let mut mixed = [0.0; 4];
@@ -47,7 +47,7 @@ pub fn body(nodes: &Nodes<'_>, across: &[Place], down: &Place, line: &mut [f64])
 
 /// The same, node by node.
 #[inline(always)]
-pub fn twin(nodes: &Nodes<'_>, across: &[Place], down: &Place, line: &mut [f64]) {
+pub(crate) fn twin(nodes: &Nodes<'_>, across: &[Place], down: &Place, line: &mut [f64]) {
     let at = |j: usize, i: usize| nodes.values[j * nodes.side + i];
     for (value, position) in line.iter_mut().zip(across) {
         let mixed = |i: usize| {

@@ -44,7 +44,7 @@ pub struct Sheet<'a, T> {
 
 impl Circle {
     /// The circle of a `radius` (px).
-    pub fn new(radius: f64) -> Circle {
+    pub(crate) fn new(radius: f64) -> Circle {
         Circle {
             radius: radius as f32,
             side: (2.0 * radius) as usize + 2,
@@ -52,7 +52,7 @@ impl Circle {
     }
 
     /// Width of the tile of a dot, or of all its tiles together, px.
-    pub fn wide(&self) -> usize {
+    pub(crate) fn wide(&self) -> usize {
         match self.side {
             0..=8 => 8,
             9..=12 => 12,
@@ -63,7 +63,7 @@ impl Circle {
 
 impl Dot {
     /// A point at `at` (px) with a circle of `radius` (px), less than 2^31 px from pixel 0.
-    pub fn new(at: [f64; 2], light: f64, radius: f64) -> Dot {
+    pub(crate) fn new(at: [f64; 2], light: f64, radius: f64) -> Dot {
         // (Calls of arrays' `map` would take a third of the time.)
         let (column, first) = (at[0] - radius).nearest();
         let (row, top) = (at[1] - radius).nearest();
@@ -120,7 +120,12 @@ impl<'a> Group<'a> {
 
 /// Adds the light of dots, tile by tile.
 #[inline(always)]
-pub fn body<T: Real>(lines: &Lines<T>, circle: &Circle, dots: &[Dot], sheet: &mut Sheet<'_, T>) {
+pub(crate) fn body<T: Real>(
+    lines: &Lines<T>,
+    circle: &Circle,
+    dots: &[Dot],
+    sheet: &mut Sheet<'_, T>,
+) {
     // (Closures would be compiled without the level's instructions.)
     match circle.wide() {
         8 => groups::<T, 8>(lines, circle, dots, sheet),
@@ -225,7 +230,7 @@ fn tile<T: Real, const L: usize>(
 
 /// The same, pixel by pixel.
 #[inline(always)]
-pub fn twin<T: Real>(
+pub(crate) fn twin<T: Real>(
     lines: &Lines<T>,
     circle: &Circle,
     mut dots: &[Dot],

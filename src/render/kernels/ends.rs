@@ -22,7 +22,7 @@ pub struct Ends<'a> {
 
 /// Widens the rows' ends to what the dots' circles touch.
 #[inline(always)]
-pub fn ends_body(circle: &Circle, dots: &[Dot], ends: &mut Ends<'_>) {
+pub(crate) fn ends_body(circle: &Circle, dots: &[Dot], ends: &mut Ends<'_>) {
     let squared = circle.radius * circle.radius;
     for dot in dots {
         let top = (dot.first[1] - ends.first_row) as u32 as usize;
@@ -69,7 +69,7 @@ fn columns(dot: &Dot, away: f32, squared: f32) -> [i32; 2] {
 
 /// The same, row by row.
 #[inline(always)]
-pub fn ends_twin(circle: &Circle, dots: &[Dot], ends: &mut Ends<'_>) {
+pub(crate) fn ends_twin(circle: &Circle, dots: &[Dot], ends: &mut Ends<'_>) {
     let squared = circle.radius * circle.radius;
     for dot in dots {
         let top = (dot.first[1] - ends.first_row) as u32 as usize;

@@ -106,7 +106,7 @@ fn min(a: f32, b: f32) -> f32 {
 
 /// Lanes beyond the end of a span add 0.
 #[inline(always)]
-pub fn light_body(
+pub(crate) fn light_body(
     electrons: f32,
     spans: &[Span],
     shares: &[f32],
@@ -142,7 +142,7 @@ pub fn light_body(
 }
 
 #[inline(always)]
-pub fn light_twin(
+pub(crate) fn light_twin(
     electrons: f32,
     spans: &[Span],
     shares: &[f32],
@@ -160,7 +160,7 @@ pub fn light_twin(
 }
 
 #[inline(always)]
-pub fn signal_body(
+pub(crate) fn signal_body(
     reading: &Reading,
     electrons: f64,
     shares: &[f32],
@@ -187,7 +187,7 @@ pub fn signal_body(
 }
 
 #[inline(always)]
-pub fn signal_twin(
+pub(crate) fn signal_twin(
     reading: &Reading,
     electrons: f64,
     shares: &[f32],

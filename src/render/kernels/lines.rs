@@ -3,7 +3,7 @@
 use super::real::Real;
 
 /// Greatest side of a tile, px.
-pub const SIDE: usize = 16;
+pub(crate) const SIDE: usize = 16;
 /// Terms of the power series of a share in the position of the source.
 const POWERS: usize = 4;
 /// Smaller shares are 0: products of two stay far above subnormal numbers.
@@ -29,7 +29,11 @@ impl<T: Real> Lines<T> {
     /// With `nodes` in each pixel, for pixels up to `reach` from the source's own. `terms` gives
     /// the Taylor series of a pixel's share, from the pixel's offset and the source's position
     /// (0..1, px) above the lower edge of its own pixel.
-    pub fn new(nodes: usize, reach: usize, terms: impl Fn(i64, f64) -> [f64; POWERS]) -> Lines<T> {
+    pub(crate) fn new(
+        nodes: usize,
+        reach: usize,
+        terms: impl Fn(i64, f64) -> [f64; POWERS],
+    ) -> Lines<T> {
         let pixels = 2 * reach + 1;
         let stride = pixels + SIDE;
         let mut all = vec![T::default(); (nodes + 1) * POWERS * stride];
@@ -55,14 +59,14 @@ impl<T: Real> Lines<T> {
     }
 
     /// Reach around any source, px.
-    pub fn reach_px(&self) -> f64 {
+    pub(crate) fn reach_px(&self) -> f64 {
         f64::from(self.reach) - 1.0
     }
 
     /// The shares of `L` pixels from `first` on, for a source `off` (px) from the middle of pixel
     /// 0.
     #[inline(always)]
-    pub fn shares<const L: usize>(&self, off: f64, first: i32) -> [T; L] {
+    pub(crate) fn shares<const L: usize>(&self, off: f64, first: i32) -> [T; L] {
         let off = T::of(off);
         let (pixel, own) = off.nearest();
         let above = off - own + T::of(0.5);

@@ -7,7 +7,7 @@ const BYTES: usize = 12;
 /// Packs pixels of 12 bits, first bit first (`AAAAAAAA AAAABBBB BBBBBBBB`), an odd last one into
 /// two bytes. Four pixels are one number of 48 bits.
 #[inline(always)]
-pub fn body(pixels: &[u16], bytes: &mut [u8]) {
+pub(crate) fn body(pixels: &[u16], bytes: &mut [u8]) {
     let (blocks, rest) = pixels.as_chunks::<PIXELS>();
     let (whole, tail) = bytes.split_at_mut((blocks.len() * BYTES).min(bytes.len()));
     for (bytes, block) in whole.as_chunks_mut::<BYTES>().0.iter_mut().zip(blocks) {
@@ -26,7 +26,7 @@ pub fn body(pixels: &[u16], bytes: &mut [u8]) {
 
 /// The same, pair by pair.
 #[inline(always)]
-pub fn twin(pixels: &[u16], bytes: &mut [u8]) {
+pub(crate) fn twin(pixels: &[u16], bytes: &mut [u8]) {
     for (triple, pair) in bytes.chunks_mut(3).zip(pixels.chunks(2)) {
         let [a, b] = [pair[0], pair.get(1).copied().unwrap_or_default()];
         let packed = [(a >> 4) as u8, (a << 4 | b >> 8) as u8, b as u8];

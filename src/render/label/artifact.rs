@@ -52,7 +52,7 @@ pub const MAX_ARTIFACT_PIXELS: usize = 200_000;
 
 /// The particles and defects of a label.
 #[derive(Debug, Default)]
-pub struct Artifacts {
+pub(crate) struct Artifacts {
     /// Those with the highest signal-to-noise ratios.
     pub listed: Vec<ArtifactLabel>,
     /// Number of the others.
@@ -63,7 +63,7 @@ pub struct Artifacts {
 
 /// The particles and defects of `scene` with a signal-to-noise ratio of at least `min_snr`. Beyond
 /// [`MAX_ARTIFACTS`] or [`MAX_ARTIFACT_PIXELS`], those with the highest ratios.
-pub fn artifacts(scene: &Scene, min_snr: f64) -> Artifacts {
+pub(crate) fn artifacts(scene: &Scene, min_snr: f64) -> Artifacts {
     let pixels = Pixels::new(scene);
     let mut strongest = Strongest::default();
     pixels.particles(|artifact| strongest.add(artifact, min_snr));

@@ -4,7 +4,7 @@ use crate::scene::{Scene, full_part};
 
 /// The reason. `label_snr` is the lowest signal-to-noise ratio of listed objects; `flooded_by` is
 /// as in the label.
-pub fn why_no_objects(scene: &Scene, label_snr: f64, flooded_by: Option<&str>) -> String {
+pub(crate) fn why_no_objects(scene: &Scene, label_snr: f64, flooded_by: Option<&str>) -> String {
     if let Some(light) = flooded_by {
         return format!("every pixel is full: {light}");
     }

@@ -163,7 +163,7 @@ impl Label {
     }
 
     /// The same, reusing the memory of an earlier label's objects.
-    pub fn new_in(
+    pub(crate) fn new_in(
         memory: Vec<ObjectLabel>,
         frame: u32,
         scene: &Scene,
@@ -233,7 +233,7 @@ impl Label {
     }
 
     /// The same, reusing the memory of an earlier text.
-    pub fn to_json_in(&self, memory: String) -> String {
+    pub(crate) fn to_json_in(&self, memory: String) -> String {
         let mut text = memory.into_bytes();
         text.clear();
         text.reserve(4096 + BYTES * self.objects.len());

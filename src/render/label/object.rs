@@ -87,7 +87,7 @@ pub struct RsoLabel {
 }
 
 /// The label of a source.
-pub fn object(source: &Source, scene: &Scene, world: &World) -> ObjectLabel {
+pub(crate) fn object(source: &Source, scene: &Scene, world: &World) -> ObjectLabel {
     let [x_px, y_px] = source.centroid;
     let ([x0_px, y0_px], [x1_px, y1_px]) = (source.start, source.end);
     let exposure_s = scene.view.exposure.duration_s;

@@ -14,7 +14,7 @@ const TASK: usize = 64;
 
 /// Unlisted objects by reason.
 #[derive(Debug, Default, PartialEq)]
-pub struct Listed {
+pub(crate) struct Listed {
     /// Ids, in the population's order, at most [`MAX_EXCLUDED`] in all.
     pub ids: BTreeMap<&'static str, Vec<String>>,
     /// Number of such objects, with or without an id here.
@@ -24,7 +24,7 @@ pub struct Listed {
 }
 
 /// The objects in the field of `scene` that are not listed.
-pub fn listed(scene: &Scene, world: &World, label_snr: f64) -> Listed {
+pub(crate) fn listed(scene: &Scene, world: &World, label_snr: f64) -> Listed {
     // Some objects are too faint to be drawn, others are drawn and too faint to be listed.
     let drawn = scene
         .sources

@@ -6,12 +6,12 @@ use crate::scene::{Body, Hidden, Scene, Source};
 pub const VISIBLE_SNR: f64 = 3.0;
 
 /// Whether labels list a source as an object.
-pub fn is_listed(source: &Source, scene: &Scene, label_snr: f64) -> bool {
+pub(crate) fn is_listed(source: &Source, scene: &Scene, label_snr: f64) -> bool {
     source.clear_snr >= label_snr || scene.fills_all(source)
 }
 
 /// The reason why an object is not visible, as text of the label; none if it is visible.
-pub fn why_not_visible(source: &Source, scene: &Scene, in_frame: bool) -> Option<String> {
+pub(crate) fn why_not_visible(source: &Source, scene: &Scene, in_frame: bool) -> Option<String> {
     if !in_frame {
         return Some("its centroid is outside the frame".to_string());
     }
@@ -39,7 +39,7 @@ pub fn why_hidden(hidden: Hidden) -> &'static str {
 }
 
 /// The reason for a signal-to-noise ratio below [`VISIBLE_SNR`].
-pub fn too_faint(dimmed: &str, snr: f64) -> String {
+pub(crate) fn too_faint(dimmed: &str, snr: f64) -> String {
     // Rounded down, so that it never reads as the limit itself.
     let snr = (snr * 100.0).floor() / 100.0;
     format!("too faint{dimmed}: snr {snr} is below {VISIBLE_SNR}")

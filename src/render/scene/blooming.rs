@@ -30,18 +30,18 @@ pub struct BloomingColumns {
 
 impl BloomingColumns {
     /// Whether a column is among them.
-    pub fn has(&self, column: usize) -> bool {
+    pub(crate) fn has(&self, column: usize) -> bool {
         self.columns.binary_search(&column).is_ok()
     }
 
     /// Whether charge may bloom along a column.
-    pub fn spills(&self) -> bool {
+    pub(crate) fn spills(&self) -> bool {
         self.along && !self.columns.is_empty()
     }
 }
 
 /// Light that fills every pixel in spite of shot noise, e-.
-pub fn flooding_e(detector: &Detector) -> f64 {
+pub(crate) fn flooding_e(detector: &Detector) -> f64 {
     2.0 * detector.full_well_e + 100.0
 }
 

@@ -85,7 +85,7 @@ pub fn columns_e(scene: &Scene, columns: &[usize], parts: &EffectSet) -> Vec<f64
 
 /// The light on `columns` (sorted), one column after the other, in a frame with the effects
 /// `parts`, e-.
-pub fn light_e(scene: &Scene, columns: &[usize], parts: &EffectSet) -> Vec<f64> {
+pub(crate) fn light_e(scene: &Scene, columns: &[usize], parts: &EffectSet) -> Vec<f64> {
     let spilling = &scene.blooming.columns;
     let positions = columns
         .iter()
@@ -112,7 +112,7 @@ pub fn light_e(scene: &Scene, columns: &[usize], parts: &EffectSet) -> Vec<f64> 
 }
 
 /// The light on each of the columns that may fill up, e-.
-pub fn spilling_e(scene: &Scene) -> Vec<Vec<f64>> {
+pub(crate) fn spilling_e(scene: &Scene) -> Vec<Vec<f64>> {
     let sources = sources_if(scene, |source| scene.simulated.has(source.body.effect()));
     let areas = scene.area_lights(&scene.simulated);
     let groups = in_groups(scene, &scene.blooming.columns, |columns| {
@@ -159,7 +159,7 @@ fn light_of(scene: &Scene, columns: &[usize], sources: &[Lit<'_>], areas: &[&Lig
 
 /// Converts the light on `columns` to charge, e-: with the pixel response, dark charge and
 /// frame-transfer smear that `parts` contains.
-pub fn turn(scene: &Scene, light: &mut [f64], columns: &[usize], parts: &EffectSet) {
+pub(crate) fn turn(scene: &Scene, light: &mut [f64], columns: &[usize], parts: &EffectSet) {
     let detector = &scene.view.camera.detector;
     let transfer_smear = transfer_smear::part(&scene.view);
     let charges = light.par_chunks_exact_mut(detector.height).zip(columns);

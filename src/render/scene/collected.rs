@@ -8,7 +8,7 @@ use crate::track::{Lit, Sample, Track};
 
 /// The collected light of a track, on the unbounded plane.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Collected {
+pub(crate) struct Collected {
     /// In units of the light that arrives at the aperture in the exposure (1).
     pub light: f64,
     /// Its centre on the pixels, px: it may differ from the image of the point.

@@ -53,7 +53,7 @@ pub struct Scene {
 
 impl Scene {
     /// Whether every pixel of a source is full: it then has no signal-to-noise ratio.
-    pub fn fills_all(&self, source: &Source) -> bool {
+    pub(crate) fn fills_all(&self, source: &Source) -> bool {
         let full_e = signal::full_e(&self.view.camera.detector, &self.simulated);
         // The pixels of a disc may be full of other light.
         let fills = || {
@@ -65,12 +65,12 @@ impl Scene {
 
     /// Whether its frame is cancelled: results computed afterwards are incomplete and must not be
     /// used.
-    pub fn is_cancelled(&self) -> bool {
+    pub(crate) fn is_cancelled(&self) -> bool {
         self.view.limit.is_cancelled()
     }
 
     /// Fails if its frame is cancelled.
-    pub fn unless_cancelled(self) -> Result<Scene, Unobservable> {
+    pub(crate) fn unless_cancelled(self) -> Result<Scene, Unobservable> {
         if self.is_cancelled() {
             Err(self.abandon())
         } else {
@@ -80,7 +80,7 @@ impl Scene {
 
     /// Frees its memory on another thread, and returns the error of an abandoned frame. Freeing
     /// 10,000 sources takes 50 ms, which would delay the end of the frame.
-    pub fn abandon(self) -> Unobservable {
+    pub(crate) fn abandon(self) -> Unobservable {
         let freed = std::thread::Builder::new().name("free".to_string());
         // If no thread starts, the memory is freed here.
         let _ = freed.spawn(move || drop(self));
@@ -88,7 +88,7 @@ impl Scene {
     }
 
     /// All that lights pixels in a frame with the effects `parts`.
-    pub fn lights<'a>(&'a self, parts: &'a EffectSet) -> impl Iterator<Item = Lit<'a>> {
+    pub(crate) fn lights<'a>(&'a self, parts: &'a EffectSet) -> impl Iterator<Item = Lit<'a>> {
         let sources = self.sources.iter();
         let sources = sources.filter(|source| parts.has(source.body.effect()));
         let areas = self.area_lights(parts).into_iter();
@@ -115,7 +115,7 @@ impl Scene {
 
     /// Expected charge (e-) of a pixel (row-major index) without stars and objects: area light,
     /// dark charge, frame-transfer smear.
-    pub fn background_of(&self, pixel: usize) -> f64 {
+    pub(crate) fn background_of(&self, pixel: usize) -> f64 {
         let light = self.areas_light.of_pixel(pixel);
         let response = if self.simulated.has(EffectId::PixelResponse) {
             self.view.camera.detector.pattern.response_of(pixel)
@@ -134,7 +134,7 @@ impl Scene {
     }
 
     /// Expected dark charge of a pixel, averaged over the frame, e-.
-    pub fn dark_e(&self) -> f64 {
+    pub(crate) fn dark_e(&self) -> f64 {
         self.dark_charge_e(self.view.camera.detector.pattern.dark_mean_e_s())
     }
 
@@ -156,12 +156,12 @@ impl Scene {
 
     /// The share of a column's light that smears onto each of its pixels, if frame transfer is
     /// simulated (1).
-    pub fn transfer_smear_fraction(&self) -> f64 {
+    pub(crate) fn transfer_smear_fraction(&self) -> f64 {
         (self.simulated).only_with(EffectId::FrameTransfer, transfer_smear::part(&self.view))
     }
 
     /// Bound of the response of any pixel (1).
-    pub fn responds(&self) -> f64 {
+    pub(crate) fn responds(&self) -> f64 {
         if self.simulated.has(EffectId::PixelResponse) {
             1.0 + self.view.camera.detector.pattern.worst_response()
         } else {

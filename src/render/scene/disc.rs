@@ -13,7 +13,7 @@ const UNLIT: &str = "no lit part of the Moon is in the field";
 
 /// The disc as one observer sees it.
 #[derive(Debug)]
-pub struct LargeDisc {
+pub(crate) struct LargeDisc {
     /// Its position and brightness by direction.
     pub disc: MoonDisc,
     /// The observer.

@@ -63,7 +63,7 @@ impl EffectSet {
     }
 
     /// `value` if it has an effect, else the default.
-    pub fn only_with<T: Default>(&self, effect: EffectId, value: T) -> T {
+    pub(crate) fn only_with<T: Default>(&self, effect: EffectId, value: T) -> T {
         if self.has(effect) {
             value
         } else {
@@ -84,7 +84,7 @@ impl EffectSet {
     }
 
     /// With an effect toggled.
-    pub const fn toggled(mut self, effect: EffectId) -> EffectSet {
+    pub(crate) const fn toggled(mut self, effect: EffectId) -> EffectSet {
         self.bits ^= 1 << effect as u32;
         self
     }
@@ -98,13 +98,13 @@ impl EffectSet {
     }
 
     /// With the other's effects that shape images.
-    pub const fn and_shapes(mut self, other: &EffectSet) -> EffectSet {
+    pub(crate) const fn and_shapes(mut self, other: &EffectSet) -> EffectSet {
         self.bits |= other.bits & EffectSet::SHAPES.bits;
         self
     }
 
     /// Whether images move while the shutter is open.
-    pub const fn moves_images(&self) -> bool {
+    pub(crate) const fn moves_images(&self) -> bool {
         self.has(EffectId::Smear) || self.has(EffectId::AberrationDrift)
     }
 }

@@ -21,14 +21,14 @@ const PIECE: f64 = 0.05;
 
 /// Initial evaluations of a track; and those that find the opening and closing times of an image's
 /// own row.
-pub const PATH_EVALUATIONS: f64 = 7.0;
-pub const CROSSING_EVALUATIONS: f64 = 100.0;
+pub(crate) const PATH_EVALUATIONS: f64 = 7.0;
+pub(crate) const CROSSING_EVALUATIONS: f64 = 100.0;
 /// Time of an evaluation, ns: the pointing, the source's direction and its projection.
-pub const EVALUATION_NS: f64 = 90.0;
+pub(crate) const EVALUATION_NS: f64 = 90.0;
 /// Time of a sample of a panel in which rows open or close, and of each row there, ns: weights,
 /// parts of light and centre.
-pub const POINT_NS: f64 = 800.0;
-pub const ROW_NS: f64 = 70.0;
+pub(crate) const POINT_NS: f64 = 800.0;
+pub(crate) const ROW_NS: f64 = 70.0;
 
 /// Time of a sample of an interpolated track, ns.
 const TRACK_NS: f64 = 30.0;
@@ -47,7 +47,7 @@ const MAX_ELEMENT_PIXELS: f64 = 1e8;
 
 /// Inputs of image formation.
 #[derive(Clone, Copy)]
-pub struct Imaging<'a> {
+pub(crate) struct Imaging<'a> {
     pub view: &'a View,
     pub simulated: &'a EffectSet,
     pub fidelity: &'a Fidelity,

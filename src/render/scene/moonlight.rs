@@ -11,7 +11,7 @@ use nalgebra::Vector3;
 const ECLIPSED: f64 = 0.03;
 
 /// The light of a disc that arrives at the observer.
-pub struct Arriving {
+pub(crate) struct Arriving {
     /// The light of all its cells in full sunlight, and the arriving part.
     pub all: f64,
     pub light: f64,
@@ -53,7 +53,7 @@ impl Arriving {
     }
 
     /// The greatest light of a cell.
-    pub fn brightest(&self) -> f64 {
+    pub(crate) fn brightest(&self) -> f64 {
         let shares = self.lit.iter().map(|(_, share)| *share);
         shares.fold(0.0, f64::max)
     }
@@ -70,7 +70,12 @@ impl Arriving {
 
 /// The part of the Sun's disc that the Moon's surface sees past the Earth; `at` is the surface's
 /// direction from the observer.
-pub fn sunlit(at: &Vector3<f64>, disc: &MoonDisc, earth: &Earth, observer: &Observer) -> f64 {
+pub(crate) fn sunlit(
+    at: &Vector3<f64>,
+    disc: &MoonDisc,
+    earth: &Earth,
+    observer: &Observer,
+) -> f64 {
     let moon_m = observer.bodies.moon_geocentric_m;
     let sun_m = observer.bodies.sun_apparent_m();
     if (-moon_m).angle(&sun_m) > ECLIPSED {

@@ -35,7 +35,7 @@ fn geometric(observer: &Observer, body_m: &Vector3<f64>) -> (f64, f64) {
 }
 
 /// The Moon, if it may be in the cone of `angle` (rad) around `axis`.
-pub fn the_moon(
+pub(crate) fn the_moon(
     view: &View,
     disc: &MoonDisc,
     world: &World,
@@ -107,7 +107,7 @@ pub fn the_moon(
 }
 
 /// The planets that may be in the cone of `angle` (rad) around `axis`, as points.
-pub fn planets(
+pub(crate) fn planets(
     view: &View,
     world: &World,
     shutter: &[Observer; 3],

@@ -56,17 +56,17 @@ pub struct Element {
 impl VisiblePlanet {
     /// Its direction (any length) at a part of the view's time, on the parabola through start, mid
     /// and end.
-    pub fn direction(&self, part: f64) -> Vector3<f64> {
+    pub(crate) fn direction(&self, part: f64) -> Vector3<f64> {
         parabola(&self.directions, part)
     }
 
     /// Kind of the Moon.
-    pub const MOON_KIND: &'static str = "moon";
+    pub(crate) const MOON_KIND: &'static str = "moon";
     /// Kind of a planet.
-    pub const PLANET_KIND: &'static str = "planet";
+    pub(crate) const PLANET_KIND: &'static str = "planet";
 
     /// Its kind: `moon` or `planet`.
-    pub fn kind(&self) -> &'static str {
+    pub(crate) fn kind(&self) -> &'static str {
         if self.is_moon() {
             Self::MOON_KIND
         } else {
@@ -75,7 +75,7 @@ impl VisiblePlanet {
     }
 
     /// Whether it is the Moon.
-    pub fn is_moon(&self) -> bool {
+    pub(crate) fn is_moon(&self) -> bool {
         self.name == MOON
     }
 }

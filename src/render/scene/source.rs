@@ -23,7 +23,7 @@ pub enum Body {
 
 impl Body {
     /// The effect that draws it.
-    pub fn effect(&self) -> EffectId {
+    pub(crate) fn effect(&self) -> EffectId {
         match self {
             Body::Star(_) => EffectId::Stars,
             Body::Rso(_) => EffectId::Rsos,
@@ -33,7 +33,7 @@ impl Body {
     }
 
     /// Mean wavelength of its light over the band's reference: all but stars have the Sun's colour.
-    pub fn wavelength_ratio(&self) -> f64 {
+    pub(crate) fn wavelength_ratio(&self) -> f64 {
         match self {
             Body::Star(star) => star.wavelength_ratio,
             Body::Rso(_) | Body::Planet(_) => 1.0,
@@ -42,7 +42,7 @@ impl Body {
 
     /// Its apparent vector (ICRF axes, any length) at a part of the view's time (0: start, 1: end);
     /// of stars at mid-exposure.
-    pub fn line(&self, part: f64) -> Vector3<f64> {
+    pub(crate) fn line(&self, part: f64) -> Vector3<f64> {
         match self {
             Body::Star(star) => star.direction,
             Body::Rso(object) => object.line_m(part),
@@ -72,7 +72,7 @@ impl Body {
     }
 
     /// The elements of its disc; none of a point.
-    pub fn elements(&self) -> &[Element] {
+    pub(crate) fn elements(&self) -> &[Element] {
         match self {
             Body::Planet(body) => &body.elements,
             Body::Star(_) | Body::Rso(_) => &[],
@@ -80,7 +80,7 @@ impl Body {
     }
 
     /// Its light by direction, if it is too large for elements.
-    pub fn area(&self) -> Option<&Area> {
+    pub(crate) fn area(&self) -> Option<&Area> {
         match self {
             Body::Planet(body) => body.area.as_ref(),
             Body::Star(_) | Body::Rso(_) => None,
@@ -88,7 +88,7 @@ impl Body {
     }
 
     /// Number of points of its image, or of equal cost.
-    pub fn points(&self) -> usize {
+    pub(crate) fn points(&self) -> usize {
         match self {
             Body::Planet(body) => body.points,
             Body::Star(_) | Body::Rso(_) => 1,
@@ -159,7 +159,7 @@ pub struct Candidate {
 
 impl Candidate {
     /// A body with its light, and the part that arrives.
-    pub fn new(body: Body, clear_e: f64, light: f64, hidden: Option<Hidden>) -> Candidate {
+    pub(crate) fn new(body: Body, clear_e: f64, light: f64, hidden: Option<Hidden>) -> Candidate {
         Candidate {
             swing: body.swing(),
             body,
@@ -170,7 +170,7 @@ impl Candidate {
     }
 
     /// The amount and the colour of its light.
-    pub fn shine(&self) -> Light {
+    pub(crate) fn shine(&self) -> Light {
         Light {
             electrons: self.clear_e,
             wavelength_ratio: self.body.wavelength_ratio(),
@@ -178,7 +178,7 @@ impl Candidate {
     }
 
     /// Electrons of its light that arrives.
-    pub fn electrons(&self) -> f64 {
+    pub(crate) fn electrons(&self) -> f64 {
         match self.hidden {
             Some(_) => 0.0,
             None => self.clear_e * self.light,

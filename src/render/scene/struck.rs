@@ -19,7 +19,7 @@ pub struct Struck {
 
 impl Struck {
     /// The pixels hit by `events`; incomplete once the frame is cancelled.
-    pub fn of(events: &[Event], detector: &Detector, limit: &WorkLimit) -> Struck {
+    pub(crate) fn of(events: &[Event], detector: &Detector, limit: &WorkLimit) -> Struck {
         let some = usize::from(!events.is_empty());
         let mut rows = vec![Vec::new(); some * detector.height];
         for event in events.iter().take_while(|_| !limit.is_cancelled()) {
@@ -37,17 +37,17 @@ impl Struck {
     }
 
     /// The most charge in one pixel, e-.
-    pub fn max_e(&self) -> f64 {
+    pub(crate) fn max_e(&self) -> f64 {
         f64::from(self.max_e)
     }
 
     /// `(row-major index, e-)` of each hit pixel, in order.
-    pub fn hits(&self) -> impl Iterator<Item = (u32, u32)> {
+    pub(crate) fn hits(&self) -> impl Iterator<Item = (u32, u32)> {
         self.rows.iter().flatten().copied()
     }
 
     /// The hit pixels among `pixels`.
-    pub fn among(&self, pixels: Range<usize>) -> impl Iterator<Item = (u32, u32)> {
+    pub(crate) fn among(&self, pixels: Range<usize>) -> impl Iterator<Item = (u32, u32)> {
         let rows = pixels.start / self.width..pixels.end.div_ceil(self.width);
         let rows = self.rows.get(rows).into_iter().flatten();
         let hits = rows.flat_map(move |hits| {

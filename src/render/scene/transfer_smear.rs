@@ -14,7 +14,7 @@ use super::view::View;
 use crate::camera::Shutter;
 
 /// The smear of each pixel of a column, e-, one value a column; empty without frame transfer.
-pub fn transfer_smear_e<'a>(view: &View, lights: impl Iterator<Item = Lit<'a>>) -> Vec<f64> {
+pub(crate) fn transfer_smear_e<'a>(view: &View, lights: impl Iterator<Item = Lit<'a>>) -> Vec<f64> {
     if !matches!(view.camera.shutter, Shutter::FrameTransfer { .. }) {
         return Vec::new();
     }
@@ -25,7 +25,7 @@ pub fn transfer_smear_e<'a>(view: &View, lights: impl Iterator<Item = Lit<'a>>) 
 }
 
 /// The share of a column's light that smears onto each of its pixels (1).
-pub fn part(view: &View) -> f64 {
+pub(crate) fn part(view: &View) -> f64 {
     match view.camera.shutter {
         Shutter::FrameTransfer { row_s } => row_s / view.exposure.duration_s,
         Shutter::Global | Shutter::Rolling { .. } => 0.0,

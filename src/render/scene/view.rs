@@ -106,14 +106,14 @@ const SEEN_NS: f64 = 5000.0;
 
 impl View {
     /// Time of the search for objects in the field, ns.
-    pub fn search_ns(&self) -> f64 {
+    pub(crate) fn search_ns(&self) -> f64 {
         let is_rso = |candidate: &&Candidate| matches!(candidate.body, Body::Rso(_));
         let seen = self.candidates.iter().filter(is_rso).count() as f64;
         self.objects as f64 * OBJECT_NS + self.unseen.len() as f64 * IN_FIELD_NS + seen * SEEN_NS
     }
 
     /// The error of a view over the work limit (s on one core).
-    pub fn too_much(&self, limit_s: Option<f64>) -> Unobservable {
+    pub(crate) fn too_much(&self, limit_s: Option<f64>) -> Unobservable {
         Unobservable::TooMuchWork {
             sources: self.candidates.len(),
             length_px: self.longest_path_px(),
@@ -157,7 +157,7 @@ impl View {
     /// The displacement of a star by the change of aberration since mid-exposure (rad, ICRF axes),
     /// at a part of the view's time (0: start, 1: end). First order in v / c: `du = (dv - (dv . u)
     /// u) / c`; dv is a parabola through start, mid and end.
-    pub fn aberration_drift(&self, star: &Vector3<f64>, part: f64) -> Vector3<f64> {
+    pub(crate) fn aberration_drift(&self, star: &Vector3<f64>, part: f64) -> Vector3<f64> {
         let [start, end] = &self.velocity_change_m_s;
         let dv = start * ((2.0 * part - 1.0) * (part - 1.0)) + end * (part * (2.0 * part - 1.0));
         (dv - star * dv.dot(star)) / LIGHT_M_S
@@ -165,7 +165,7 @@ impl View {
 
     /// Bound of the path of an image on the detector in `seconds`, px: a turn across the boresight
     /// moves images by the plate scale, one about it by their distance from it.
-    pub fn longest_track_px(&self, seconds: f64) -> f64 {
+    pub(crate) fn longest_track_px(&self, seconds: f64) -> f64 {
         let turn = self.camera.mounting.rotate(&self.vehicle.rates) * seconds;
         // Uneven motion is at most all of it, and little more than twice the mean.
         let share = if seconds < self.open_s {
@@ -180,7 +180,7 @@ impl View {
 
     /// Bound of the brightest pixel's light, weighted by `part` of its direction (camera axes), e-.
     /// Neighbours are allowed for by twice the brightest source.
-    pub fn brightest_px_e(&self, part: impl Fn(&Vector3<f64>) -> f64) -> f64 {
+    pub(crate) fn brightest_px_e(&self, part: impl Fn(&Vector3<f64>) -> f64) -> f64 {
         let camera = &self.camera;
         let psf = camera.optics.psf_at(camera.optics.principal_px, 1.0);
         let share = psf.on_pixel([0.0; 2], &mut Stamp::default());
@@ -202,19 +202,19 @@ impl View {
     }
 
     /// Bound of the own motion of area light's edges in `seconds`, px.
-    pub fn areas_motion_px(&self, seconds: f64) -> f64 {
+    pub(crate) fn areas_motion_px(&self, seconds: f64) -> f64 {
         let swings = self.areas.iter().map(|area| area.swing());
         swings.fold(0.0, f64::max) * seconds * self.scale_and_corner_px.0
     }
 
     /// Bound of the motion of images and of area light's edges in the exposure, px.
-    pub fn longest_path_px(&self) -> f64 {
+    pub(crate) fn longest_path_px(&self) -> f64 {
         let seconds = self.exposure.duration_s;
         self.longest_track_px(seconds) + self.areas_motion_px(seconds)
     }
 
     /// Estimate of the brightest area light of a pixel, e-.
-    pub fn areas_peak_e(&self) -> f64 {
+    pub(crate) fn areas_peak_e(&self) -> f64 {
         self.areas.iter().map(|area| area.peak_e).sum()
     }
 
@@ -234,7 +234,7 @@ impl View {
     }
 
     /// The body that occults a direction at infinity, if any.
-    pub fn hidden(
+    pub(crate) fn hidden(
         &self,
         direction: &Vector3<f64>,
         earth: &Earth,

@@ -39,7 +39,7 @@ const LIGHT_TIME_STEPS: usize = 3;
 
 /// Lagrange's parabola through the values at the start, middle and end of an interval, at a part of
 /// it (0: start, 1: end).
-pub fn parabola([a, b, c]: &[Vector3<f64>; 3], part: f64) -> Vector3<f64> {
+pub(crate) fn parabola([a, b, c]: &[Vector3<f64>; 3], part: f64) -> Vector3<f64> {
     a * ((2.0 * part - 1.0) * (part - 1.0))
         + b * (4.0 * part * (1.0 - part))
         + c * (part * (2.0 * part - 1.0))
@@ -329,7 +329,7 @@ pub fn object_direction<E>(
 /// The same for an object with known states: `state` at the observer's epoch, and `then`, a number
 /// of seconds earlier with the state at that time. The light must leave within one second of it.
 /// Without `then` light time is ignored.
-pub fn apparent_object(
+pub(crate) fn apparent_object(
     state: StateVector,
     then: Option<(f64, StateVector)>,
     observer: &Observer,

@@ -12,11 +12,11 @@ const SIN_OBLIQUITY: f64 = 0.397_776_969_112_606;
 const COS_OBLIQUITY: f64 = 0.917_482_143_065_242;
 
 /// The north pole of the ecliptic: unit vector, axes of the ICRF.
-pub const POLE: Vector3<f64> = Vector3::new(0.0, -SIN_OBLIQUITY, COS_OBLIQUITY);
+pub(crate) const POLE: Vector3<f64> = Vector3::new(0.0, -SIN_OBLIQUITY, COS_OBLIQUITY);
 
 /// Components along the axes of the ecliptic (equinox, 90 degrees of longitude, pole) of a vector
 /// along those of the ICRF.
-pub fn from_icrf(v: &Vector3<f64>) -> Vector3<f64> {
+pub(crate) fn from_icrf(v: &Vector3<f64>) -> Vector3<f64> {
     Vector3::new(
         v.x,
         COS_OBLIQUITY * v.y + SIN_OBLIQUITY * v.z,

@@ -52,7 +52,7 @@ pub struct Field<'a> {
 /// Bound of an object's reflective area: the factor of the diffuse phase function, m^2, and the
 /// part for all phases, m^2/sr.
 #[derive(Debug, Clone, Copy)]
-pub struct Bright {
+pub(crate) struct Bright {
     diffuse: f32,
     specular: f32,
 }
@@ -95,7 +95,7 @@ impl Field<'_> {
 
     /// Whether an object with this state at mid-exposure (GCRF) may be in the field during the
     /// exposure.
-    pub fn may_hold(&self, state: &StateVector) -> bool {
+    pub(crate) fn may_hold(&self, state: &StateVector) -> bool {
         let mid = &self.shutter[1];
         let line = state.position_m - mid.position_m;
         let range = line.norm();
@@ -115,7 +115,7 @@ impl Field<'_> {
 
     /// The sides' inward normals, each with the smallest product for a fixed direction (unit
     /// vector, ICRF) that may be between the sides during the exposure.
-    pub fn still_sides(&self) -> Vec<(Vector3<f64>, f64)> {
+    pub(crate) fn still_sides(&self) -> Vec<(Vector3<f64>, f64)> {
         let sides = self.sides.iter().map(|side| {
             let beyond = (side.beyond + WANDER).min(PI / 2.0);
             (side.inward, -libm::sin(beyond))
@@ -125,7 +125,7 @@ impl Field<'_> {
 
     /// The test of a catalogue in TEME; `rotation` is TEME to GCRF, `bright` bounds each object's
     /// light.
-    pub fn test<'a>(&self, rotation: &Matrix3<f64>, bright: &'a [Bright]) -> Test<'a> {
+    pub(crate) fn test<'a>(&self, rotation: &Matrix3<f64>, bright: &'a [Bright]) -> Test<'a> {
         let mid = &self.shutter[1];
         let to_teme = rotation.transpose();
         let observer = to_teme * mid.position_m * 1e-3;
@@ -155,7 +155,7 @@ impl Field<'_> {
 }
 
 /// The test of a block of a catalogue, TEME.
-pub struct Test<'a> {
+pub(crate) struct Test<'a> {
     sun_km: Vector3<f64>,
     /// The cone around the field, and how far object and observer may move.
     cone: Cone,

@@ -63,7 +63,7 @@ const PLAIN: u32 = u32::MAX;
 
 impl Objects {
     /// Objects, the known `looks` by object id, and a sphere for all others.
-    pub fn new(all: Vec<Object>, sphere: Sphere, looks: Looks) -> Objects {
+    pub(crate) fn new(all: Vec<Object>, sphere: Sphere, looks: Looks) -> Objects {
         let (ids, looks): (Vec<String>, Vec<Look>) = looks.into_iter().unzip();
         // The ids of a map are sorted.
         let of = |object: &Object| ids.binary_search(&object.id).map_or(PLAIN, |i| i as u32);
@@ -76,12 +76,12 @@ impl Objects {
     }
 
     /// The objects.
-    pub fn all(&self) -> &[Object] {
+    pub(crate) fn all(&self) -> &[Object] {
         &self.all
     }
 
     /// Memory of the objects, bytes, with names and appearances, and 16 for each allocation.
-    pub fn bytes(&self) -> usize {
+    pub(crate) fn bytes(&self) -> usize {
         const PIECE: usize = 16;
         let text = |text: &String| PIECE + text.capacity();
         let of = |object: &Object| {
@@ -101,7 +101,7 @@ impl Objects {
     }
 
     /// Upper bound of an object's light; a body's depends on its attitude.
-    pub fn brightest(&self, index: usize) -> Bright {
+    pub(crate) fn brightest(&self, index: usize) -> Bright {
         match self.look_at(index) {
             None => Bright::of(&self.sphere),
             Some(Look::Sphere(sphere)) => Bright::of(sphere),
@@ -111,7 +111,7 @@ impl Objects {
 
     /// An object during an exposure, in or outside the field, by the scalar SGP4; `earth` is that
     /// of mid-exposure. Fails if its orbit has no position at that time.
-    pub fn see(
+    pub(crate) fn see(
         &self,
         index: usize,
         earth: &Earth,
@@ -125,7 +125,7 @@ impl Objects {
     }
 
     /// An object and its light, from its appearance at the exposure's start, mid and end.
-    pub fn lit(
+    pub(crate) fn lit(
         &self,
         index: usize,
         earth: &Earth,
@@ -163,7 +163,7 @@ impl Objects {
 impl SeenObject {
     /// The apparent vector at a part of the exposure (0: start, 1: end), by the parabola through
     /// start, mid and end. A jerk of some 0.01 m/s^3 is ignored: micrometres in a second.
-    pub fn line_m(&self, part: f64) -> Vector3<f64> {
+    pub(crate) fn line_m(&self, part: f64) -> Vector3<f64> {
         parabola(&self.lines_m, part)
     }
 }

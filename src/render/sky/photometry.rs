@@ -59,7 +59,7 @@ impl Sphere {
 
     /// The factor of [`diffuse_phase`], m^2, and the constant part, m^2/sr; 0 instead of a negative
     /// value or NaN.
-    pub fn parts(&self) -> [f64; 2] {
+    pub(crate) fn parts(&self) -> [f64; 2] {
         let area = PI * self.diameter_m * self.diameter_m / 4.0;
         let reflective = self.reflectance * area;
         [
@@ -104,7 +104,7 @@ pub fn diffuse_phase(phase: f64) -> f64 {
 pub const SPECULAR_PHASE: f64 = 1.0 / (4.0 * PI);
 
 /// The phase angle Sun - object - sensor (rad), from the object's directions to both.
-pub fn phase_angle(to_sun: &Vector3<f64>, to_sensor: &Vector3<f64>) -> f64 {
+pub(crate) fn phase_angle(to_sun: &Vector3<f64>, to_sensor: &Vector3<f64>) -> f64 {
     angle_between(to_sun, to_sensor)
 }
 

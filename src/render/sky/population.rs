@@ -60,7 +60,7 @@ impl Population {
     }
 
     /// Computes the tracks before their first use.
-    pub fn get_ready(&self) {
+    pub(crate) fn get_ready(&self) {
         drop(self.population_orbits());
     }
 

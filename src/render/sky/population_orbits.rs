@@ -30,7 +30,7 @@ const SOLE: u32 = u32::MAX;
 
 /// The orbits of a population.
 #[derive(Debug)]
-pub struct PopulationOrbits {
+pub(crate) struct PopulationOrbits {
     tracks: Tracks,
     /// The element set of each track: an object's index, and the number of its set, or [`SOLE`].
     sets: Vec<(u32, u32)>,

@@ -13,14 +13,14 @@ use skyloop_orbit::{OrbitError, StateVector, frames};
 use std::sync::Arc;
 
 /// Objects that are propagated together.
-pub const TASK: usize = 64;
+pub(crate) const TASK: usize = 64;
 
 /// Longest exposure with a single rotation from TEME to GCRF, s: in half of that the rotation
 /// changes by 4e-11 rad.
 const SHORT_S: f64 = 10.0;
 
 /// The inputs of a propagation.
-pub struct Propagation<'a> {
+pub(crate) struct Propagation<'a> {
     pub population: &'a Objects,
     pub field: &'a Field<'a>,
     pub test: Test<'a>,
@@ -32,7 +32,7 @@ pub struct Propagation<'a> {
 }
 
 /// The result for an object.
-pub enum Outcome {
+pub(crate) enum Outcome {
     Seen(Arc<SeenObject>),
     /// The object's index, and the reason.
     Excluded(usize, Excluded),
@@ -41,7 +41,7 @@ pub enum Outcome {
 }
 
 /// An object's index, and the number of its track, if it has one.
-pub type Near = (u32, Option<u32>);
+pub(crate) type Near = (u32, Option<u32>);
 
 /// Light time over 3000 km, s.
 const EARLIER_S: f64 = 0.01;
@@ -166,7 +166,7 @@ fn smooth(now: &[StateVector; 3], then: [StateVector; 3]) -> [StateVector; 3] {
 }
 
 /// The rotations from TEME to GCRF at an exposure's start, mid and end.
-pub struct Instants {
+pub(crate) struct Instants {
     pub rotations: [Matrix3<f64>; 3],
 }
 

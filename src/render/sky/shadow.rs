@@ -30,7 +30,7 @@ pub struct Earth {
 /// The Earth's limb for one observer: in stretched space a circle around the direction of the
 /// centre.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct LimbCone {
+pub(crate) struct LimbCone {
     earth: Earth,
     /// From the observer, in stretched space, m.
     centre: Vector3<f64>,
@@ -137,7 +137,7 @@ impl Earth {
     }
 
     /// The Earth's limb for an observer at `observer_m` (GCRF, m); none from inside.
-    pub fn limb_cone(&self, observer_m: Vector3<f64>) -> Option<LimbCone> {
+    pub(crate) fn limb_cone(&self, observer_m: Vector3<f64>) -> Option<LimbCone> {
         let centre = -self.to_sphere(observer_m);
         let sin = EARTH_RADIUS_M / centre.norm();
         (sin <= 1.0).then(|| LimbCone {

@@ -164,7 +164,7 @@ impl StarField {
     }
 
     /// Number of stars with at most this magnitude in the band.
-    pub fn brighter_than(&self, band_mag: f64) -> usize {
+    pub(crate) fn brighter_than(&self, band_mag: f64) -> usize {
         let stars = self.entries.iter();
         stars.filter(|star| star.band_mag <= band_mag).count()
     }

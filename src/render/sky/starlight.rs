@@ -110,7 +110,7 @@ pub(crate) mod tests {
     /// Asserts that neither value nor slope of `log` jumps along great circles, each from a start
     /// towards a side: a difference from curvature shrinks with the step, a jump does not. `checks`
     /// selects the directions to check.
-    pub fn assert_smooth(
+    pub(crate) fn assert_smooth(
         circles: &[(Vector3<f64>, Vector3<f64>)],
         checks: impl Fn(&Vector3<f64>) -> bool,
         log: impl Fn(&Vector3<f64>) -> f64,

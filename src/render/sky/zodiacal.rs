@@ -30,7 +30,7 @@ use super::bodies::AU_M;
 use super::ecliptic;
 
 /// Magnitude per square arc second of 1 S10: `10 + 2.5 log10(3600^2)`.
-pub const S10_MAG: f64 = 27.781_512_503_836_436;
+pub(crate) const S10_MAG: f64 = 27.781_512_503_836_436;
 
 const LONGITUDES_DEG: [f64; 19] = [
     0.0, 5.0, 10.0, 15.0, 20.0, 25.0, 30.0, 35.0, 40.0, 45.0, 60.0, 75.0, 90.0, 105.0, 120.0,

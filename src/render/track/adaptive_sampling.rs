@@ -28,7 +28,7 @@ const MIN_PX: f64 = 1e-9;
 /// Shortest panel, px: narrower light hardly differs on pixels.
 const MIN_STEP_PX: f64 = 1e-3;
 /// Narrowest Gaussian, px: a narrower one lies on one pixel or its edge.
-pub const MIN_SIGMA_PX: f64 = 0.01;
+pub(crate) const MIN_SIGMA_PX: f64 = 0.01;
 /// A piece outside of the window is halved if the uncertainty of its light may move the centroid of
 /// all light by more than this, px.
 const FAR_PX: f64 = 1e-5;
@@ -38,10 +38,10 @@ const PATH_EVALUATIONS: usize = 3;
 const DEPTH: u32 = 24;
 
 /// An instant (0..1) of a track and the image's position then; none behind the camera.
-pub type Knot = (f64, Option<Place>);
+pub(crate) type Knot = (f64, Option<Place>);
 
 /// The sampling of one track.
-pub struct Sampler<'a, F> {
+pub(crate) struct Sampler<'a, F> {
     pub position: &'a F,
     pub spec: &'a TrackSpec,
     /// Length of the whole track.
@@ -62,14 +62,14 @@ impl<F: Fn(f64) -> Option<Place>> Sampler<'_, F> {
     }
 
     /// Whether a row at `y` collects light at `part`, with a margin for rounding.
-    pub fn collects(&self, part: f64, y: f64) -> bool {
+    pub(crate) fn collects(&self, part: f64, y: f64) -> bool {
         let rows = &self.spec.rows;
         rows.are_together() || part >= rows.opens(y) - 1e-9 && part <= rows.closes(y) + 1e-9
     }
 
     /// The ends of the initial pieces; with a rolling shutter also the instants at which the row of
     /// the image opens and closes.
-    pub fn knots(&self) -> Vec<Knot> {
+    pub(crate) fn knots(&self) -> Vec<Knot> {
         let pieces = self.spec.pieces.max(1);
         let even: Vec<Knot> = (0..=pieces)
             .map(|i| self.knot(i as f64 / pieces as f64))
@@ -156,7 +156,7 @@ impl<F: Fn(f64) -> Option<Place>> Sampler<'_, F> {
     }
 
     /// Samples the pieces between `knots`.
-    pub fn pieces(&self, knots: &[Knot], samples: &mut Vec<Sample>) {
+    pub(crate) fn pieces(&self, knots: &[Knot], samples: &mut Vec<Sample>) {
         match *knots {
             // The two halves of a short track are one panel if it is nearly straight; the same
             // where a piece needs no panels.
@@ -175,7 +175,7 @@ impl<F: Fn(f64) -> Option<Place>> Sampler<'_, F> {
     }
 
     /// Samples the piece from `a` to `b`.
-    pub fn piece(&self, a: Knot, b: Knot, depth: u32, samples: &mut Vec<Sample>) {
+    pub(crate) fn piece(&self, a: Knot, b: Knot, depth: u32, samples: &mut Vec<Sample>) {
         if b.0 > a.0 {
             let mid = self.knot((a.0 + b.0) / 2.0);
             self.piece_by(a, mid, b, depth, samples);
@@ -183,7 +183,14 @@ impl<F: Fn(f64) -> Option<Place>> Sampler<'_, F> {
     }
 
     /// Samples the piece from `a` to `b` with its middle `mid`.
-    pub fn piece_by(&self, a: Knot, mid: Knot, b: Knot, depth: u32, samples: &mut Vec<Sample>) {
+    pub(crate) fn piece_by(
+        &self,
+        a: Knot,
+        mid: Knot,
+        b: Knot,
+        depth: u32,
+        samples: &mut Vec<Sample>,
+    ) {
         let (mut panels, mut near) = (1.0, false);
         // The rows that the image crosses, and its possible distance from them, if known.
         let mut passed = None;
@@ -371,7 +378,7 @@ fn polynomial(k: usize, u: f64) -> f64 {
 }
 
 /// Length of the line through the positions, px; without parts that end behind the camera.
-pub fn length(places: &[Option<Place>]) -> f64 {
+pub(crate) fn length(places: &[Option<Place>]) -> f64 {
     let between = places.windows(2).map(|ends| match ends {
         [Some(a), Some(b)] => distance(a.at, b.at),
         _ => 0.0,

@@ -59,13 +59,13 @@ impl Track {
     }
 
     /// Multiplies its light.
-    pub fn scale(&mut self, factor: f64) {
+    pub(crate) fn scale(&mut self, factor: f64) {
         let samples = self.samples.iter_mut();
         samples.for_each(|sample| sample.weight *= factor);
     }
 
     /// Stores its samples for a later track.
-    pub fn recycle(mut self) {
+    pub(crate) fn recycle(mut self) {
         // One point has little.
         if self.samples.len() > 1 {
             self.samples.clear();

@@ -9,7 +9,7 @@ const CHECK: f64 = 0.125;
 
 /// The polynomials of fourth degree through five positions a quarter of the time apart, by Newton's
 /// differences: columns, rows, light.
-pub struct Path([[f64; 5]; 3]);
+pub(crate) struct Path([[f64; 5]; 3]);
 
 impl Path {
     /// Through the positions `known` at start, middle and end and two more. None if it misses the
@@ -61,7 +61,7 @@ fn differences(values: [f64; 5]) -> [f64; 5] {
     d
 }
 
-pub fn distance(a: [f64; 2], b: [f64; 2]) -> f64 {
+pub(crate) fn distance(a: [f64; 2], b: [f64; 2]) -> f64 {
     libm::hypot(b[0] - a[0], b[1] - a[1])
 }
 

@@ -40,15 +40,15 @@ impl Default for Lit {
 
 impl Lit {
     /// No row.
-    pub const NONE: Lit = Lit { first: 0, past: 0 };
+    pub(crate) const NONE: Lit = Lit { first: 0, past: 0 };
     /// Every row.
-    pub const ALL: Lit = Lit {
+    pub(crate) const ALL: Lit = Lit {
         first: i64::MIN,
         past: i64::MAX,
     };
 
     /// Those of `rows` that are included.
-    pub fn among(&self, rows: &Range<i64>) -> Range<i64> {
+    pub(crate) fn among(&self, rows: &Range<i64>) -> Range<i64> {
         let first = self.first.min(rows.end).max(rows.start);
         first..self.past.min(rows.end).max(first)
     }
@@ -75,17 +75,17 @@ impl Rows {
     }
 
     /// Whether all rows open and close together.
-    pub fn are_together(&self) -> bool {
+    pub(crate) fn are_together(&self) -> bool {
         self.step == 0.0
     }
 
     /// The time at which the row at `y` (px) opens; linear between rows.
-    pub fn opens(&self, y: f64) -> f64 {
+    pub(crate) fn opens(&self, y: f64) -> f64 {
         self.middle(y) - self.exposure / 2.0
     }
 
     /// The time at which it closes.
-    pub fn closes(&self, y: f64) -> f64 {
+    pub(crate) fn closes(&self, y: f64) -> f64 {
         self.middle(y) + self.exposure / 2.0
     }
 
@@ -101,7 +101,7 @@ impl Rows {
     /// The rows within `low..high` (px) that collect light in the time `from..to`: those that
     /// collect throughout, and the others with their part of it. `throughout` is unbounded if it
     /// contains all of these rows.
-    pub fn turns(&self, [from, to]: [f64; 2], [low, high]: [f64; 2]) -> Turns {
+    pub(crate) fn turns(&self, [from, to]: [f64; 2], [low, high]: [f64; 2]) -> Turns {
         let last = self.last() as i64;
         let row = |y: f64| (y as i64).clamp(0, last);
         let mut turns = Turns::default();

@@ -80,12 +80,12 @@ impl Gauss {
 }
 
 /// Positions (0..1) of the points of the smallest rule, which most pieces have.
-pub fn fewest_points() -> impl Iterator<Item = f64> {
+pub(crate) fn fewest_points() -> impl Iterator<Item = f64> {
     GAUSS[0].points.iter().map(|(at, _)| *at)
 }
 
 /// Whether [`points`] gives at most `few` points (2 to 11).
-pub fn are_few(length: f64, error: f64, few: usize) -> bool {
+pub(crate) fn are_few(length: f64, error: f64, few: usize) -> bool {
     let mut rules = GAUSS.iter().take(few.saturating_sub(1));
     rules.any(|gauss| gauss.suffices(length, error))
 }
@@ -104,7 +104,7 @@ fn steps(length: f64, error: f64) -> f64 {
 /// Gives the points of a piece of `length` standard deviations (0..1 of it) and their weights,
 /// which sum to 1. The light that a Gaussian collects then errs by less than `error`, relative to
 /// an endless streak. Light, centroid and width are exact for any error.
-pub fn points(length: f64, error: f64, mut point: impl FnMut(f64, f64)) {
+pub(crate) fn points(length: f64, error: f64, mut point: impl FnMut(f64, f64)) {
     if let Some(gauss) = gauss(length, error) {
         gauss
             .points
@@ -126,12 +126,12 @@ pub fn points(length: f64, error: f64, mut point: impl FnMut(f64, f64)) {
 }
 
 /// Approximate number of points that [`points`] gives for errors near 1e-5.
-pub fn expected_count(length: f64) -> usize {
+pub(crate) fn expected_count(length: f64) -> usize {
     MAX + length.clamp(0.0, 1e3) as usize
 }
 
 /// Number of points that [`points`] gives.
-pub fn count(length: f64, error: f64) -> usize {
+pub(crate) fn count(length: f64, error: f64) -> usize {
     match gauss(length, error) {
         Some(gauss) => gauss.points.len(),
         // The equally spaced points begin and end SPAN from the ends.

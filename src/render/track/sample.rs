@@ -27,12 +27,12 @@ pub struct Sample {
 
 impl Sample {
     /// Whether its position and light are finite.
-    pub fn is_somewhere(&self) -> bool {
+    pub(crate) fn is_somewhere(&self) -> bool {
         self.at.iter().all(|x| x.is_finite()) && self.weight.is_finite()
     }
 
     /// The range of `rows` that collect some of its light.
-    pub fn rows(&self, rows: &Range<i64>) -> Range<i64> {
+    pub(crate) fn rows(&self, rows: &Range<i64>) -> Range<i64> {
         let mut all = self.lit.among(rows);
         for (lit, _) in &self.parts {
             let part = lit.among(rows);
@@ -46,7 +46,7 @@ impl Sample {
     }
 
     /// Writes the share of its light that each of `rows` collects into `shares`.
-    pub fn shares(&self, rows: &Range<i64>, shares: &mut Vec<f64>) {
+    pub(crate) fn shares(&self, rows: &Range<i64>, shares: &mut Vec<f64>) {
         shares.clear();
         shares.resize((rows.end - rows.start).max(0) as usize, 0.0);
         let mut fill = |lit: &Lit, share: f64| {

@@ -43,7 +43,7 @@ pub struct Window {
 
 impl Window {
     /// Whether a piece through `points`, within `pad` of its chords, may enter the window.
-    pub fn is_near(&self, points: &[[f64; 2]], pad: f64) -> bool {
+    pub(crate) fn is_near(&self, points: &[[f64; 2]], pad: f64) -> bool {
         [0, 1].into_iter().all(|axis| {
             let along = points.iter().map(|point| point[axis]);
             let low = along.clone().fold(f64::MAX, f64::min);

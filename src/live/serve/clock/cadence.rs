@@ -14,7 +14,7 @@ const SAME_CLOCK_S: f64 = 10.0;
 
 /// When each exposure ends, and its scene time.
 #[derive(Debug)]
-pub struct Cadence {
+pub(crate) struct Cadence {
     period: Duration,
     /// Time from the end of an exposure to the deadline of its frame; none: a period.
     latency: Option<Duration>,

@@ -13,7 +13,7 @@ const JUMP_S: f64 = 0.25;
 /// Offsets that differ by no more than this are alike, s.
 const SIMILAR_S: f64 = 0.1;
 /// A step is accepted after offsets have been alike for this long, s.
-pub const CONFIRM_S: f64 = 0.25;
+pub(crate) const CONFIRM_S: f64 = 0.25;
 
 /// Estimate of the client's clock.
 #[derive(Debug, Default)]

@@ -9,11 +9,11 @@ use std::sync::Arc;
 use std::time::Instant;
 
 /// Maximum number of exposures that wait for their frames; more are refused as busy.
-pub const MAX_WAITING: usize = 64;
+pub(crate) const MAX_WAITING: usize = 64;
 
 /// An exposure whose frame is due.
 #[derive(Debug, Clone)]
-pub struct Due {
+pub(crate) struct Due {
     /// Mid-exposure, in scene time.
     pub mid: Epoch,
     /// Its end, or the arrival of the packet that requested it. Latencies start here.
@@ -30,7 +30,7 @@ pub struct Due {
 
 /// A Trigger as received.
 #[derive(Debug, Clone)]
-pub struct TriggerRequest {
+pub(crate) struct TriggerRequest {
     /// The client's number.
     pub number: u32,
     /// First instant of the exposure.
@@ -43,7 +43,7 @@ pub struct TriggerRequest {
 
 /// How a clock follows the client's time.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Sync {
+pub(crate) struct Sync {
     /// Synchronization state.
     pub state: SyncState,
     /// Client's clock minus this machine's, s, relative to the first observation.
@@ -61,7 +61,7 @@ impl Default for Sync {
 
 /// How a time stamp of the client compares with its clock.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum TimeCheck {
+pub(crate) enum TimeCheck {
     /// It agrees, or differs so little that the clock is slewed.
     Consistent,
     /// It differs by this much (s; above 0: ahead): late, wrong, or the first after a clock step.

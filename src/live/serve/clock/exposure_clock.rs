@@ -11,7 +11,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 /// Decides which exposure is due.
-pub trait ExposureClock: Send {
+pub(crate) trait ExposureClock: Send {
     /// Its code on the wire.
     fn mode(&self) -> Mode;
 

@@ -4,10 +4,10 @@ use skyloop_base::load::{Check, ConfigError, Limit};
 use std::ops::RangeInclusive;
 
 /// Angles from the boresight, deg.
-pub const FIELD_DEG: RangeInclusive<f64> = 0.0..=180.0;
+pub(crate) const FIELD_DEG: RangeInclusive<f64> = 0.0..=180.0;
 
 /// Keys that determine the field of view.
-pub const FIELD: &[&str] = &[
+pub(crate) const FIELD: &[&str] = &[
     "optics.focal_length_mm",
     "optics.principal_px",
     "optics.projection",
@@ -19,7 +19,7 @@ pub const FIELD: &[&str] = &[
 ];
 
 /// Refuses a table of angles (deg) that do not rise, or with values outside of their limits.
-pub fn rising_angles(
+pub(crate) fn rising_angles(
     key: &str,
     table: &[[f64; 2]],
     limits: &[Limit],

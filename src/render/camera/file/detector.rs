@@ -10,7 +10,7 @@ use std::sync::Arc;
 
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct RawDetector {
+pub(crate) struct RawDetector {
     /// Columns (px)
     width_px: u32,
     /// Rows (px)
@@ -80,7 +80,7 @@ const MAX_PRNU: RangeInclusive<f64> = 0.0..=0.3;
 const MAX_DARK_NONUNIFORMITY: RangeInclusive<f64> = 0.0..=2.0;
 
 /// Limits of the keys; the maximum of offset_dn and stuck_dn follows from adc_bits.
-pub const LIMITS: &[Limit] = &[
+pub(crate) const LIMITS: &[Limit] = &[
     ("detector.offset_dn", Number(0.0..=65535.0)),
     ("detector.stuck_dn", Number(0.0..=65535.0)),
     ("detector.adc_bits", Number(1.0..=16.0)),

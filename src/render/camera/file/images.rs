@@ -8,21 +8,21 @@ use skyloop_base::load::{Check, ConfigError, Fixed, Folder, Limit};
 
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct RawImage {
+pub(crate) struct RawImage {
     /// Text file: rows of samples that sum to 1, with the source in the middle.
     file: String,
     /// Position on the detector, [column, row] (px).
     at_px: Option<Fixed<f64, 2>>,
 }
 
-pub const LIMITS: &[Limit] = &[
+pub(crate) const LIMITS: &[Limit] = &[
     ("optics.psf.images[].at_px[]", Number(-1e5..=1e5)),
     ("optics.psf.images", Count(1..=usize::MAX)),
     ("optics.psf", EachOfSeveral(["images", "at_px"])),
 ];
 
 /// The images at the nodes of a grid; a single one holds everywhere.
-pub fn grid(
+pub(crate) fn grid(
     raw: &[RawImage],
     oversampling: f64,
     principal_px: [f64; 2],

@@ -20,7 +20,7 @@ const LIKELY_FOCAL_RATIOS: RangeInclusive<f64> = 0.5..=500.0;
 const BAND_NM: RangeInclusive<f64> = 300.0..=1200.0;
 
 /// Limits of the keys; those of principal_px follow from the detector's size.
-pub const LIMITS: &[Limit] = &[
+pub(crate) const LIMITS: &[Limit] = &[
     ("optics.focal_length_mm", Number(0.5..=1e6)),
     ("optics.aperture_mm", Number(0.01..=1e5)),
     ("optics.transmission", Number(0.0..=1.0)),
@@ -29,7 +29,7 @@ pub const LIMITS: &[Limit] = &[
 
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct RawOptics {
+pub(crate) struct RawOptics {
     /// Effective focal length (mm)
     focal_length_mm: f64,
     /// Diameter of the entrance pupil (mm)

@@ -10,7 +10,7 @@ use skyloop_base::load::{Allowed, Check, ConfigError, Fixed, Kind, Limit, one_of
 
 #[derive(Deserialize, Default, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct RawProjection {
+pub(crate) struct RawProjection {
     /// Projection model; fisheye is equidistant; default: pinhole
     model: Option<String>,
     /// Radial coefficients as in OpenCV: [k1, k2, k3], of a fisheye [k1, k2, k3, k4]; the highest
@@ -22,7 +22,7 @@ pub struct RawProjection {
     strength: Option<f64>,
 }
 
-pub const LIMITS: &[Limit] = &[
+pub(crate) const LIMITS: &[Limit] = &[
     ("optics.projection.k", Count(1..=usize::MAX)),
     ("optics.projection.k[]", Number(-1e6..=1e6)),
     ("optics.projection.p[]", Number(-1e6..=1e6)),

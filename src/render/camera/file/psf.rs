@@ -13,7 +13,7 @@ use std::sync::Arc;
 
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct RawPsf {
+pub(crate) struct RawPsf {
     /// Point spread function; the width of airy is the mean wavelength of sunlight in the band
     /// times the focal ratio
     kind: String,
@@ -41,7 +41,7 @@ pub struct RawPsf {
 }
 
 /// The optics that a point spread function belongs to.
-pub struct Lens<'a> {
+pub(crate) struct Lens<'a> {
     pub focal_px: f64,
     pub principal_px: [f64; 2],
     /// Pitch of the pixels, m.
@@ -75,7 +75,7 @@ const KINDS: &[Kind] = &[
     ("image", &["images", "oversampling"], &[]),
 ];
 
-pub const LIMITS: &[Limit] = &[
+pub(crate) const LIMITS: &[Limit] = &[
     ("optics.psf.sigma_px", Number(0.01..=WIDEST_SIGMA_PX)),
     ("optics.psf.fwhm_px", Number(0.02..=WIDEST_PX)),
     ("optics.psf.beta", Number(1.5..=20.0)),

@@ -9,7 +9,7 @@ use skyloop_base::load::{Check, ConfigError, Limit};
 
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct RawRadiation {
+pub(crate) struct RawRadiation {
     /// Flux of particles through the detector, both directions, or "orbit": by the position of the
     /// observer; without an observer, far from the Earth (1/cm^2/s)
     flux_cm2_s: RawFlux,
@@ -33,7 +33,7 @@ enum RawFlux {
     Named(#[schemars(extend("const" = "orbit"))] String),
 }
 
-pub const LIMITS: &[Limit] = &[
+pub(crate) const LIMITS: &[Limit] = &[
     ("radiation.flux_cm2_s", Number(0.0..=1e9)),
     ("radiation.thickness_um", Number(0.1..=2000.0)),
     ("radiation.energy_mev", Number(50.0..=1e6)),

@@ -14,7 +14,7 @@ const MARGIN_DEG: f64 = 10.0;
 
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct RawStray {
+pub(crate) struct RawStray {
     /// Point-source transmittance, [[angle, transmittance], ...]: irradiance on the detector over
     /// that on the aperture, transmission included, by angle from the boresight. Monotone cubics in
     /// its logarithm between, constant beyond: end with an entry such as [105, 1e-12]. Without it
@@ -27,7 +27,7 @@ pub struct RawStray {
 }
 
 /// Limits of the keys; the minimum of sun_exclusion_deg follows from the field of view.
-pub const LIMITS: &[Limit] = &[
+pub(crate) const LIMITS: &[Limit] = &[
     ("optics.stray.sun_exclusion_deg", Number(0.0..=180.0)),
     ("optics.stray.pst[][0]", Number(FIELD_DEG)),
     ("optics.stray.pst[][1]", Number(1e-12..=1.0)),

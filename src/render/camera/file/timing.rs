@@ -12,7 +12,7 @@ use std::ops::RangeInclusive;
 /// 10 degrees: a larger rotation is a different mounting.
 const MISALIGNMENT_ARCSEC: RangeInclusive<f64> = -36_000.0..=36_000.0;
 
-pub const LIMITS: &[Limit] = &[
+pub(crate) const LIMITS: &[Limit] = &[
     ("timing.exposure_s", Number(EXPOSURE_S)),
     ("timing.rate_hz", Number(RATE_HZ)),
     ("timing.row_us", Number(1e-3..=1e6)),
@@ -36,7 +36,7 @@ const SHORTEST_ROW_US: f64 = 0.1;
 
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct RawTiming {
+pub(crate) struct RawTiming {
     /// Exposure time (s)
     exposure_s: f64,
     /// Frame rate (Hz)
@@ -50,7 +50,7 @@ pub struct RawTiming {
 
 #[derive(Deserialize, Default, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct RawMounting {
+pub(crate) struct RawMounting {
     /// Unit quaternion [x, y, z, w] from body to camera; default: identity
     q_body_to_camera: Option<Fixed<f64, 4>>,
     /// Rotation of the mounted camera about its own axes, [x, y, z]; labels have the true
@@ -59,7 +59,7 @@ pub struct RawMounting {
 }
 
 /// `[timing]`, checked.
-pub struct Timing {
+pub(crate) struct Timing {
     pub exposure_s: f64,
     pub rate_hz: f64,
     pub shutter: Shutter,

@@ -9,14 +9,14 @@ use skyloop_base::load::{Check, ConfigError, Fixed, Limit};
 
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct RawVignetting {
+pub(crate) struct RawVignetting {
     /// Light falls with the fourth power of the cosine of the field angle
     cos4: Option<bool>,
     /// [[angle, transmission], ...]: linear between, constant beyond (deg)
     table: Option<Vec<Fixed<f64, 2>>>,
 }
 
-pub const LIMITS: &[Limit] = &[
+pub(crate) const LIMITS: &[Limit] = &[
     ("optics.vignetting.table[][0]", Number(FIELD_DEG)),
     ("optics.vignetting.table[][1]", Number(0.0..=1.0)),
     ("optics.vignetting.table", Count(1..=usize::MAX)),

@@ -81,19 +81,19 @@ impl Airy {
     }
 
     /// Half its width at half maximum.
-    pub fn half_width(&self) -> f64 {
+    pub(crate) fn half_width(&self) -> f64 {
         self.half_width
     }
 
     /// A radius outside of which less than `loss` of the light falls.
-    pub fn reach(&self, loss: f64) -> f64 {
+    pub(crate) fn reach(&self, loss: f64) -> f64 {
         // The light outside oscillates around its mean by a part that falls with r. As no more
         // than all light is outside, 1.3 times the mean bounds it.
         1.3 * 2.0 / (PI * PI * (1.0 - self.obscuration) * loss)
     }
 
     /// A radius outside of which the light per unit area, averaged over rings, is below `share`.
-    pub fn faint(&self, share: f64) -> f64 {
+    pub(crate) fn faint(&self, share: f64) -> f64 {
         libm::cbrt(1.0 / (PI * PI * PI * (1.0 - self.obscuration) * share))
     }
 }

@@ -37,7 +37,7 @@ const GAUSS: [(f64, f64); 3] = [
 impl Quadrant {
     /// The table of the profile whose encircled energy at radius `r` (in units of its width) is
     /// `energy`.
-    pub fn new(knee: f64, steps: usize, energy: impl Fn(f64) -> f64) -> Quadrant {
+    pub(crate) fn new(knee: f64, steps: usize, energy: impl Fn(f64) -> f64) -> Quadrant {
         let nodes = steps + 1;
         let radius = |k: usize| knee * k as f64 / (steps - k) as f64;
         let mut fans = vec![0.0; nodes * nodes];
@@ -71,7 +71,7 @@ impl Quadrant {
     }
 
     /// The position of coordinate `a`: four nodes around it, cubic weights (Lagrange).
-    pub fn place(&self, a: f64) -> Place {
+    pub(crate) fn place(&self, a: f64) -> Place {
         let size = a.abs();
         let at = self.steps as f64 * (size / (self.knee + size));
         let first = (at as usize).saturating_sub(1).min(self.steps - 3);
@@ -99,7 +99,7 @@ impl Quadrant {
     }
 
     /// The light in a rectangle, given by its edges in units of the width from the centre.
-    pub fn inside(&self, across: [f64; 2], down: [f64; 2]) -> f64 {
+    pub(crate) fn inside(&self, across: [f64; 2], down: [f64; 2]) -> f64 {
         let across = across.map(|a| self.place(a));
         let [above, below] = down.map(|a| {
             let mut line = [0.0; 2];
@@ -111,7 +111,7 @@ impl Quadrant {
 
     /// Spreads `light` around `at` (px), of width `width_px`, over the rectangles between the left
     /// edges of the columns `edges` on `rows`, row by row.
-    pub fn spread(
+    pub(crate) fn spread(
         &self,
         width_px: f64,
         light: f64,

@@ -56,7 +56,7 @@ fn below(table: &[Series], u: f64) -> f64 {
 
 /// A circular Gaussian.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Gaussian {
+pub(crate) struct Gaussian {
     /// Standard deviation, px.
     pub sigma_px: f64,
 }

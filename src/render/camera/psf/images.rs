@@ -51,7 +51,7 @@ pub struct Gradient {
 type Corner = (usize, f64);
 
 /// Up to four images and their weights.
-pub type Mix = [(usize, f64); 4];
+pub(crate) type Mix = [(usize, f64); 4];
 
 /// Why samples are refused as a point spread function.
 #[derive(Debug, Clone, PartialEq)]
@@ -236,27 +236,27 @@ impl Images {
     }
 
     /// The bound of all images.
-    pub fn gradient(&self) -> Gradient {
+    pub(crate) fn gradient(&self) -> Gradient {
         self.gradient
     }
 
     /// The standard deviation of the narrowest core, px.
-    pub fn core_px(&self) -> f64 {
+    pub(crate) fn core_px(&self) -> f64 {
         self.core_px
     }
 
     /// Half the side of the largest image, px.
-    pub fn reach_px(&self) -> f64 {
+    pub(crate) fn reach_px(&self) -> f64 {
         self.reach_px
     }
 
     /// Greatest number of images in a mix.
-    pub fn mixed(&self) -> usize {
+    pub(crate) fn mixed(&self) -> usize {
         self.images.len().min(4)
     }
 
     /// From the source to the centroid of its light, px.
-    pub fn offset_px(&self, mix: &Mix) -> [f64; 2] {
+    pub(crate) fn offset_px(&self, mix: &Mix) -> [f64; 2] {
         let mut sum = [0.0; 2];
         for (i, weight) in mix {
             let offset = self.images.get(*i).map_or([0.0; 2], |image| image.offset);
@@ -266,7 +266,7 @@ impl Images {
     }
 
     /// The images and weights at a position of the field.
-    pub fn mix(&self, field_px: [f64; 2]) -> Mix {
+    pub(crate) fn mix(&self, field_px: [f64; 2]) -> Mix {
         let [(i, s), (j, t)] = [0, 1].map(|axis| between(&self.places[axis], field_px[axis]));
         let columns = self.places[0].len();
         let index =
@@ -281,7 +281,7 @@ impl Images {
 
     /// Spreads `light` around `at` (px) over the rectangles between the left edges of the columns
     /// `edges` on `rows`, row by row into the empty `out`.
-    pub fn spread(
+    pub(crate) fn spread(
         &self,
         mix: &Mix,
         light: f64,
@@ -322,7 +322,7 @@ impl Images {
 }
 
 /// The sum of the differences between the weights of each image.
-pub fn apart(a: &Mix, b: &Mix) -> f64 {
+pub(crate) fn apart(a: &Mix, b: &Mix) -> f64 {
     let weight = |mix: &Mix, image: usize| -> f64 {
         let same = mix.iter().filter(|(i, _)| *i == image);
         same.map(|(_, weight)| weight).sum()

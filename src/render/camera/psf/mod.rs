@@ -43,7 +43,7 @@ const WIDTHS_PX: RangeInclusive<f64> = 1e-6..=1e3;
 const SCALES: RangeInclusive<f64> = 1e-3..=1e3;
 
 /// The columns and rows of the unbounded plane whose pixels lie within `reach_px` of `at` (px).
-pub fn square(at: [f64; 2], reach_px: f64) -> [Range<i64>; 2] {
+pub(crate) fn square(at: [f64; 2], reach_px: f64) -> [Range<i64>; 2] {
     // Pixel i covers i - 0.5 to i + 0.5.
     // Avoids `floor`, which is a function call on old processors.
     let pixel = |x: f64| {
@@ -143,7 +143,7 @@ impl Psf {
 
     /// The shares of lines of pixels for a Gaussian that is the same everywhere and for all
     /// colours, in single and in double precision; none for other spreads.
-    pub fn lines(&self) -> Option<&(Lines<f32>, Lines<f64>)> {
+    pub(crate) fn lines(&self) -> Option<&(Lines<f32>, Lines<f64>)> {
         self.lines.as_deref()
     }
 
@@ -164,14 +164,14 @@ impl Psf {
 
     /// Whether the centroid of the light equals the position of the source.
     #[inline]
-    pub fn is_symmetric(&self) -> bool {
+    pub(crate) fn is_symmetric(&self) -> bool {
         !matches!(self.shape, Shape::Images(_))
     }
 
     /// From a source at `field_px` from the principal point to the centroid of its light, px.
     /// Images may be off centre, other profiles are symmetric.
     #[inline]
-    pub fn offset_px(&self, field_px: [f64; 2]) -> [f64; 2] {
+    pub(crate) fn offset_px(&self, field_px: [f64; 2]) -> [f64; 2] {
         match &self.shape {
             Shape::Images(images) => images.offset_px(&images.mix(field_px)),
             _ => [0.0; 2],
@@ -210,7 +210,7 @@ impl Psf {
     }
 
     /// Time to spread a point over a square of `rows` rows, ns on one core.
-    pub fn stamp_ns(&self, rows: f64) -> f64 {
+    pub(crate) fn stamp_ns(&self, rows: f64) -> f64 {
         match self.shape {
             // Error functions at the edges of rows and columns, one product per pixel.
             Shape::Gaussian(_) => 200.0 + 47.0 * rows + 0.34 * rows * rows,
@@ -375,7 +375,7 @@ impl LocalPsf<'_> {
 
     /// Change of the shares with the position of the source, for images; other profiles behave like
     /// a Gaussian of the core's width.
-    pub fn gradient(&self) -> Option<Gradient> {
+    pub(crate) fn gradient(&self) -> Option<Gradient> {
         match self.shape {
             Shape::Images(images) => Some(images.gradient()),
             Shape::Gaussian(_) | Shape::Airy(..) | Shape::Moffat(..) => None,
@@ -384,7 +384,7 @@ impl LocalPsf<'_> {
 
     /// Greatest difference to another spread of the same camera, relative to its peak (1); valid
     /// for small differences.
-    pub fn differs(&self, other: &LocalPsf<'_>) -> f64 {
+    pub(crate) fn differs(&self, other: &LocalPsf<'_>) -> f64 {
         // The peak is proportional to the inverse square of the width.
         let wider = (self.scale / other.scale).max(other.scale / self.scale);
         wider * wider - 1.0 + images::apart(&self.mix, &other.mix)
@@ -416,7 +416,7 @@ impl LocalPsf<'_> {
     }
 
     /// The light of a point at `at` (px) on each of `rows`, summed over `columns`.
-    pub fn spread_on_rows(
+    pub(crate) fn spread_on_rows(
         &self,
         at: [f64; 2],
         columns: Range<i64>,

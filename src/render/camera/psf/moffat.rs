@@ -41,7 +41,7 @@ impl Moffat {
     }
 
     /// The radius outside of which `loss` of the light falls.
-    pub fn reach(&self, loss: f64) -> f64 {
+    pub(crate) fn reach(&self, loss: f64) -> f64 {
         self.alpha
             * (libm::pow(loss, 1.0 / (1.0 - self.beta)) - 1.0)
                 .max(0.0)
@@ -49,7 +49,7 @@ impl Moffat {
     }
 
     /// The radius outside of which the light per unit area is below `share`.
-    pub fn faint(&self, share: f64) -> f64 {
+    pub(crate) fn faint(&self, share: f64) -> f64 {
         let peak = (self.beta - 1.0) / (PI * self.alpha * self.alpha);
         self.alpha
             * (libm::pow(share / peak, -1.0 / self.beta) - 1.0)

@@ -17,7 +17,7 @@ pub struct Stamp {
 
 impl Stamp {
     /// A stamp computed with the vector instructions of `level`.
-    pub fn of(level: Option<Level>) -> Stamp {
+    pub(crate) fn of(level: Option<Level>) -> Stamp {
         Stamp {
             light: Vec::new(),
             level,

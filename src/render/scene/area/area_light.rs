@@ -29,7 +29,7 @@ pub struct AreaLight {
 
 impl AreaLight {
     /// On the pixels; none if too faint.
-    pub fn light(&self) -> Option<&Light> {
+    pub(crate) fn light(&self) -> Option<&Light> {
         self.light.as_ref()
     }
 
@@ -39,24 +39,24 @@ impl AreaLight {
     }
 
     /// Number of pixels that are not interpolated.
-    pub fn uneven(&self) -> usize {
+    pub(crate) fn uneven(&self) -> usize {
         self.light().map_or(0, Light::uneven)
     }
 
     /// Adds its light on the pixels from `first` (row-major index) on to `electrons`.
-    pub fn add_to(&self, level: Option<Level>, first: usize, electrons: &mut [f32]) {
+    pub(crate) fn add_to(&self, level: Option<Level>, first: usize, electrons: &mut [f32]) {
         if let Some(light) = &self.light {
             light.add_to(level, first, electrons);
         }
     }
 
     /// The most light of a pixel in each column of cells, e-.
-    pub fn max_of_columns(&self) -> Vec<f64> {
+    pub(crate) fn max_of_columns(&self) -> Vec<f64> {
         self.ends.iter().map(|[_, max]| f64::from(*max)).collect()
     }
 
     /// The least light of a pixel in each column of cells, e-; empty if too faint.
-    pub fn floor_e(&self) -> impl Iterator<Item = f32> {
+    pub(crate) fn floor_e(&self) -> impl Iterator<Item = f32> {
         self.ends.iter().map(|[min, _]| *min)
     }
 }

@@ -15,12 +15,12 @@ use crate::fidelity::Fidelity;
 /// Furthest that light is spread, px.
 const FURTHEST: usize = 24;
 /// Side of the patches with a common spread, px: the bits of a word.
-pub const PATCH: usize = u64::BITS as usize;
+pub(crate) const PATCH: usize = u64::BITS as usize;
 
 /// Core width below which less of the pixel's width is removed from a spread, px.
 const NARROW_PX: f64 = 0.5;
 /// Pixels of a row added up together; the buffer has as many more at its end.
-pub const LANES: usize = 8;
+pub(crate) const LANES: usize = 8;
 
 /// Time of a blurred pixel, ns.
 pub const BLURRED_NS: f64 = 50.0;
@@ -28,7 +28,7 @@ pub const BLURRED_NS: f64 = 50.0;
 pub const SPREAD_NS: f64 = 0.07;
 
 /// How a camera spreads area light.
-pub struct Blur<'a> {
+pub(crate) struct Blur<'a> {
     camera: &'a Camera,
     reach: usize,
     margin: usize,

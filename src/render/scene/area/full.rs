@@ -45,7 +45,7 @@ pub struct Full {
 impl Full {
     /// The cells that `areas` fill in a frame with those effects. None with blooming or frame
     /// transfer: they move the excess of full pixels to other pixels.
-    pub fn of<'a>(
+    pub(crate) fn of<'a>(
         view: &View,
         areas: impl Iterator<Item = &'a Area>,
         simulated: &EffectSet,
@@ -61,7 +61,7 @@ impl Full {
 
     /// Whether a view's areas fill all pixels of a frame with those effects. Cells are larger the
     /// further light moves. The result also holds with blooming and frame transfer.
-    pub fn is_all(view: &View, simulated: &EffectSet, fidelity: &Fidelity) -> bool {
+    pub(crate) fn is_all(view: &View, simulated: &EffectSet, fidelity: &Fidelity) -> bool {
         let side = |moved_px: usize| (moved_px / CELLS_A_PATH).clamp(CELL_PX, LARGEST_PX);
         let full = Full::by_cells(view, view.areas.iter(), simulated, fidelity, side);
         let detector = &view.camera.detector;
@@ -145,7 +145,7 @@ impl Full {
     }
 
     /// Whether all pixels of a square are full; false far outside the detector.
-    pub fn has(&self, [x, y]: [i64; 2], side: usize) -> bool {
+    pub(crate) fn has(&self, [x, y]: [i64; 2], side: usize) -> bool {
         if self.cells.is_empty() {
             return false;
         }

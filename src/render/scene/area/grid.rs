@@ -9,15 +9,15 @@ use crate::fidelity::Fidelity;
 use nalgebra::Vector3;
 
 /// Side of the grid's largest squares, px.
-pub const LARGEST: usize = 256;
+pub(crate) const LARGEST: usize = 256;
 /// Side of the smallest squares, px: if not interpolated, they are sampled.
-pub const SMALLEST: usize = 4;
+pub(crate) const SMALLEST: usize = 4;
 /// Greatest deviation of the middle of a moving panel from the line between its ends, in tolerances
 /// of the interpolation. Simpson's rule then errs by far less.
 const BEND: f64 = 12.0;
 
 /// A source, the plane it falls on, and its tolerances.
-pub struct Grid<'a, 'v> {
+pub(crate) struct Grid<'a, 'v> {
     pub radiance: &'a dyn Radiance,
     pub plane: &'a Plane<'v>,
     fidelity: &'a Fidelity,

@@ -21,7 +21,7 @@ pub struct Horizon {
 
 impl Horizon {
     /// The Earth as a view's observer sees it; none without an orbit.
-    pub fn of(view: &View) -> Option<Horizon> {
+    pub(crate) fn of(view: &View) -> Option<Horizon> {
         view.vehicle.orbit?;
         let (r, v) = (view.observer.position_m, view.observer.velocity_m_s);
         let limb = Earth::at(view.exposure.mid).limb_cone(r)?;
@@ -41,28 +41,28 @@ impl Horizon {
     }
 
     /// Whether the field sees nothing but the Earth.
-    pub fn fills(&self) -> bool {
+    pub(crate) fn fills(&self) -> bool {
         self.reach[1] < 0.0
     }
 
     /// Whether some of the Earth may be in the field.
-    pub fn is_in_field(&self) -> bool {
+    pub(crate) fn is_in_field(&self) -> bool {
         self.reach[0] < 0.0
     }
 
     /// Whether the limb may be in the field.
-    pub fn has_limb(&self) -> bool {
+    pub(crate) fn has_limb(&self) -> bool {
         self.reach[0] < 0.0 && self.reach[1] > 0.0
     }
 
     /// The limb, where it may be in the field.
-    pub fn as_edge(&self) -> Option<&dyn Edge> {
+    pub(crate) fn as_edge(&self) -> Option<&dyn Edge> {
         self.has_limb().then_some(self)
     }
 
     /// Bound of the angle above the limb at which a height (m) is seen, rad; pi for an observer
     /// below it.
-    pub fn height_of(&self, height_m: f64) -> f64 {
+    pub(crate) fn height_of(&self, height_m: f64) -> f64 {
         let top = (EARTH_RADIUS_M + height_m) / self.distance_m;
         if top >= 1.0 {
             return std::f64::consts::PI;
@@ -72,7 +72,7 @@ impl Horizon {
 
     /// The lowest height in the field off the Earth's disc, m: the inverse of
     /// [`Horizon::height_of`].
-    pub fn lowest_m(&self) -> f64 {
+    pub(crate) fn lowest_m(&self) -> f64 {
         let limb = libm::asin((self.polar_radius_m() / self.distance_m).min(1.0));
         let angle = (limb + self.nearest()).clamp(0.0, FRAC_PI_2);
         self.distance_m * libm::sin(angle) - EARTH_RADIUS_M

@@ -30,7 +30,7 @@ impl fmt::Debug for Kind {
 }
 
 /// The area sources of those `kinds` whose effect `runs`.
-pub fn areas(
+pub(crate) fn areas(
     view: &View,
     world: &World,
     kinds: impl Iterator<Item = Kind>,

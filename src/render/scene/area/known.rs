@@ -9,7 +9,7 @@ use rayon::prelude::*;
 const SPARE: f64 = 0.5;
 
 /// The light at nodes half a square apart.
-pub struct Known {
+pub(crate) struct Known {
     /// Side of the squares, px.
     pub side: usize,
     /// Columns and rows of the grid before the first node.

@@ -25,7 +25,7 @@ pub struct Light {
 
 impl Light {
     /// Interpolated light, and the differences from it.
-    pub fn new(lines: Lines, runs: Runs) -> Light {
+    pub(crate) fn new(lines: Lines, runs: Runs) -> Light {
         Light {
             lines,
             runs,
@@ -34,7 +34,7 @@ impl Light {
     }
 
     /// The sum of several of the same detector. Computing its pixels stops if `limit` is cancelled.
-    pub fn of_all(all: &[&Light], limit: &WorkLimit) -> Option<Light> {
+    pub(crate) fn of_all(all: &[&Light], limit: &WorkLimit) -> Option<Light> {
         let lines: Vec<&Lines> = all.iter().map(|light| &light.lines).collect();
         let lines = Lines::of_all(&lines)?;
         let runs = all.iter().map(|light| &light.runs);
@@ -47,30 +47,30 @@ impl Light {
     }
 
     /// Number of pixels that differ from the interpolation.
-    pub fn uneven(&self) -> usize {
+    pub(crate) fn uneven(&self) -> usize {
         self.runs.pixels()
     }
 
     /// Total, e-.
-    pub fn sum(&self) -> f64 {
+    pub(crate) fn sum(&self) -> f64 {
         self.lines.sum() + self.runs.sum()
     }
 
     /// Adds the light on the pixels from `first` (row-major index) on to `electrons`.
-    pub fn add_to(&self, level: Option<Level>, first: usize, electrons: &mut [f32]) {
+    pub(crate) fn add_to(&self, level: Option<Level>, first: usize, electrons: &mut [f32]) {
         self.lines.add_to(level, first, electrons);
         self.runs.add_to(level, first, electrons);
     }
 
     /// [`Light::add_to`] for a part of a row.
-    pub fn add_to_row(&self, first: usize, electrons: &mut [f32]) {
+    pub(crate) fn add_to_row(&self, first: usize, electrons: &mut [f32]) {
         let places = self.places.get_or_init(|| self.lines.places());
         self.lines.add_to_row(places, first, electrons);
         self.runs.add_to(None, first, electrons);
     }
 
     /// The light pixel by pixel, as shares of one electron.
-    pub fn footprint(&self) -> &Footprint {
+    pub(crate) fn footprint(&self) -> &Footprint {
         self.drawn.get_or_init(|| {
             let [width, height] = self.lines.size();
             // On one thread: a waiting thread could steal work that waits for this result.
@@ -83,12 +83,12 @@ impl Light {
     }
 
     /// On each pixel, row by row, e-.
-    pub fn e(&self) -> &[f32] {
+    pub(crate) fn e(&self) -> &[f32] {
         self.footprint().shares()
     }
 
     /// The least and the most light of a pixel in each group of `columns` columns, e-.
-    pub fn ends_of(&self, columns: usize) -> Vec<[f32; 2]> {
+    pub(crate) fn ends_of(&self, columns: usize) -> Vec<[f32; 2]> {
         let lines = self.lines.ends_of(columns);
         if self.runs.is_empty() {
             return lines;
@@ -115,7 +115,7 @@ impl Light {
 
     /// Bound of the light of a pixel in each cell of `side` columns and rows (a power of two), e-,
     /// row by row of cells.
-    pub fn max_of_cells(&self, side: usize) -> Vec<f64> {
+    pub(crate) fn max_of_cells(&self, side: usize) -> Vec<f64> {
         let [width, height] = self.lines.size();
         let across = width.div_ceil(side);
         let mut cells = vec![0.0f32; across * height.div_ceil(side)];
@@ -151,7 +151,7 @@ impl Light {
 
     /// Light given pixel by pixel, row by row, e-.
     #[cfg(test)]
-    pub fn each(size: [usize; 2], e: Vec<f32>) -> Light {
+    pub(crate) fn each(size: [usize; 2], e: Vec<f32>) -> Light {
         let rows = e.chunks(size[0]).enumerate();
         let runs = rows.map(|(row, e)| super::runs::Run {
             row,

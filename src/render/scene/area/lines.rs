@@ -6,7 +6,7 @@ use skyloop_orbit::sgp4_batch::Level;
 
 /// A square of pixels whose light is interpolated between nine nodes.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Square {
+pub(crate) struct Square {
     /// First column.
     pub x: usize,
     /// First row.
@@ -29,7 +29,7 @@ struct Segment {
 
 /// Index of each pixel's square within its strip, on a grid of the smallest squares.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Places {
+pub(crate) struct Places {
     side: usize,
     across: usize,
     squares: Vec<u32>,
@@ -149,7 +149,7 @@ fn add_up([x, y]: [usize; 2], side: usize, parts: &[&[Square]], sum: &mut Vec<Sq
 impl Lines {
     /// Squares that cover the detector, each within a strip of `side` rows. They come in quadtree
     /// order, left before right and upper before lower.
-    pub fn new([width, height]: [usize; 2], side: usize, squares: Vec<Square>) -> Lines {
+    pub(crate) fn new([width, height]: [usize; 2], side: usize, squares: Vec<Square>) -> Lines {
         let mut strips = vec![Vec::new(); height.div_ceil(side)];
         for square in squares {
             if let Some(strip) = strips.get_mut(square.y / side) {
@@ -165,7 +165,7 @@ impl Lines {
     }
 
     /// Columns and rows of the detector.
-    pub fn size(&self) -> [usize; 2] {
+    pub(crate) fn size(&self) -> [usize; 2] {
         [self.width, self.height]
     }
 
@@ -182,7 +182,7 @@ impl Lines {
     }
 
     /// The sum of several, of the same detector and strips, on the smallest of their squares.
-    pub fn of_all(all: &[&Lines]) -> Option<Lines> {
+    pub(crate) fn of_all(all: &[&Lines]) -> Option<Lines> {
         let first = all.first()?;
         let mut sum = Lines {
             strips: vec![Vec::new(); first.strips.len()],
@@ -211,7 +211,7 @@ impl Lines {
     }
 
     /// Adds the light of the pixels from `first` (row-major index) on to `electrons`.
-    pub fn add_to(&self, level: Option<Level>, first: usize, electrons: &mut [f32]) {
+    pub(crate) fn add_to(&self, level: Option<Level>, first: usize, electrons: &mut [f32]) {
         let (width, past) = (self.width, first + electrons.len());
         let rows = first / width..past.div_ceil(width);
         let strips = rows.start / self.side..rows.end.div_ceil(self.side);
@@ -258,7 +258,7 @@ impl Lines {
     }
 
     /// [`Lines::add_to`] for a part of a row.
-    pub fn add_to_row(&self, places: &Places, first: usize, electrons: &mut [f32]) {
+    pub(crate) fn add_to_row(&self, places: &Places, first: usize, electrons: &mut [f32]) {
         let (from, row) = (first % self.width, first / self.width);
         let strip = self.strips.get(row / self.side).map_or(&[][..], |of| of);
         let (mut x, past) = (from, from + electrons.len());
@@ -282,7 +282,7 @@ impl Lines {
 
     /// Raises each cell of `side` columns and rows to a bound of its pixels' light, e-. `side` is a
     /// power of two, at most the strips' height.
-    pub fn max_of_cells(&self, side: usize, cells: &mut [f32]) {
+    pub(crate) fn max_of_cells(&self, side: usize, cells: &mut [f32]) {
         let across = self.width.div_ceil(side);
         let strips = cells.par_chunks_mut(across * (self.side / side));
         let strips = strips.zip(&self.strips).enumerate();
@@ -327,7 +327,7 @@ impl Lines {
     /// ```text
     /// sum over i < n, j < m of a quarter's light = n m times that at (n - 1) / 2, (m - 1) / 2
     /// ```
-    pub fn sum(&self) -> f64 {
+    pub(crate) fn sum(&self) -> f64 {
         let of_quarter = |square: &Square, [right, below]: [usize; 2]| {
             let half = square.side / 2;
             let pixels = |from: usize, all: usize| half.min(all.saturating_sub(from)) as f64;
@@ -354,7 +354,7 @@ impl Lines {
 
     /// The least and the most light of a pixel in each group of `columns` columns, e-: a straight
     /// line does not exceed its ends.
-    pub fn ends_of(&self, columns: usize) -> Vec<[f32; 2]> {
+    pub(crate) fn ends_of(&self, columns: usize) -> Vec<[f32; 2]> {
         let mut ends = vec![[f32::INFINITY, 0.0f32]; self.width.div_ceil(columns)];
         for square in self.strips.iter().flatten() {
             let past = (square.x + square.side).min(self.width);

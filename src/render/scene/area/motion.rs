@@ -3,16 +3,16 @@
 use super::radiance::Radiance;
 
 /// Motion (px) below which a pattern hidden inside its edge counts as still.
-pub const SQUARE: usize = 32;
+pub(crate) const SQUARE: usize = 32;
 /// Longest initial panel of Simpson's rule along a path, px.
 const PANEL_PX: f64 = 4.0;
 /// Greatest number of halvings of a panel.
 const HALVINGS: u32 = 5;
 /// Time of an evaluation of pointing and radiance, ns.
-pub const AREA_EVALUATION_NS: f64 = 130.0;
+pub(crate) const AREA_EVALUATION_NS: f64 = 130.0;
 
 /// Initial number of panels of a path of `moved_px`; 0 if light along it is nearly linear.
-pub fn panels(radiance: &dyn Radiance, moved_px: f64) -> usize {
+pub(crate) fn panels(radiance: &dyn Radiance, moved_px: f64) -> usize {
     let (still_px, panel_px) = if radiance.is_of_pixels() {
         return 0;
     } else if radiance.is_hidden_inside() {
@@ -30,7 +30,11 @@ pub fn panels(radiance: &dyn Radiance, moved_px: f64) -> usize {
 /// The mean of `value` from 0 to 1 by Simpson's rule on `panels` equal panels, and the number of
 /// evaluations. A panel is halved until its middle is off the line between its ends by no more
 /// than `bent` of its value.
-pub fn mean(value: impl Fn(f64) -> f64, panels: usize, bent: impl Fn(f64) -> f64) -> (f64, usize) {
+pub(crate) fn mean(
+    value: impl Fn(f64) -> f64,
+    panels: usize,
+    bent: impl Fn(f64) -> f64,
+) -> (f64, usize) {
     let side = 1.0 / panels as f64;
     let (mut sum, mut evaluations) = (0.0, 1);
     let mut open: Vec<([f64; 3], f64, f64, u32)> = Vec::new();

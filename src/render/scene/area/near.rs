@@ -15,7 +15,7 @@ use std::ops::Range;
 type Bits = [u64; PATCH];
 
 /// Pixels of a patch on and near sampled blocks.
-pub struct Near<'a> {
+pub(crate) struct Near<'a> {
     blur: &'a Blur<'a>,
     /// The patch's first column and row, of the detector.
     at: [usize; 2],
@@ -132,7 +132,7 @@ impl<'a> Near<'a> {
 
 /// The differences of pixels on and near sampled `blocks` (by rows) from `lines`, whose grid begins
 /// `rim` columns and rows before the detector. None once the work limit is over.
-pub fn runs(
+pub(crate) fn runs(
     blur: &Blur<'_>,
     limit: &WorkLimit,
     lines: &Lines,

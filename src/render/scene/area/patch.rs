@@ -11,7 +11,7 @@ const GAUSS: f64 = 0.288_675_134_594_812_9;
 const CORNER: f64 = 2.0;
 
 /// A square of the plane no larger than a pixel.
-pub struct Patch {
+pub(crate) struct Patch {
     /// Its middle, px.
     at: [f64; 2],
     /// Its side, px.
@@ -26,7 +26,7 @@ pub struct Patch {
 
 impl Patch {
     /// The patch of `size` px around a position (px); none where the plane has no direction.
-    pub fn new(plane: &Plane<'_>, [x, y]: [f64; 2], size: f64) -> Option<Patch> {
+    pub(crate) fn new(plane: &Plane<'_>, [x, y]: [f64; 2], size: f64) -> Option<Patch> {
         let middle = plane.taken([x, y])?;
         let places = [[-1.0, -1.0], [1.0, -1.0], [-1.0, 1.0], [1.0, 1.0]]
             .map(|off| off.map(|off: f64| off * GAUSS * size))
@@ -43,14 +43,19 @@ impl Patch {
     }
 
     /// Whether no edge crosses it that moves by `motion` rad around its position at an attitude.
-    pub fn is_clear(&self, edge: Option<&dyn Edge>, sky: &Matrix3<f64>, motion: f64) -> bool {
+    pub(crate) fn is_clear(
+        &self,
+        edge: Option<&dyn Edge>,
+        sky: &Matrix3<f64>,
+        motion: f64,
+    ) -> bool {
         let clear = self.reach + motion / 2.0;
         self.places.iter().all(Option::is_some)
             && edge.is_none_or(|edge| edge.angle(&(sky * self.middle.0)).abs() > clear)
     }
 
     /// How an edge crosses it at an attitude.
-    pub fn crossing(&self, edge: Option<&dyn Edge>, sky: &Matrix3<f64>) -> Crossing {
+    pub(crate) fn crossing(&self, edge: Option<&dyn Edge>, sky: &Matrix3<f64>) -> Crossing {
         let angle =
             |seen: &Vector3<f64>| edge.map_or(f64::INFINITY, |edge| edge.angle(&(sky * seen)));
         let middle = angle(&self.middle.0);
@@ -78,14 +83,14 @@ impl Patch {
     }
 
     /// A position (px) in its corner on one side of an edge.
-    pub fn corner(&self, crossing: &Crossing, side: usize) -> [f64; 2] {
+    pub(crate) fn corner(&self, crossing: &Crossing, side: usize) -> [f64; 2] {
         let off = if side == 1 { 0.45 } else { -0.45 } * self.size;
         [0, 1].map(|k| self.at[k] + off * crossing.slope[k].signum())
     }
 }
 
 /// A straight edge across a square: signed distances from it, rad, positive outside.
-pub struct Crossing {
+pub(crate) struct Crossing {
     /// Of the middle.
     middle: f64,
     /// Of the four nodes.

@@ -8,7 +8,7 @@ use nalgebra::{Matrix3, Rotation3, Vector3};
 use skyloop_base::abort::WorkLimit;
 
 /// The detector's pixels as solid angles, with the effects that shape them.
-pub struct Plane<'a> {
+pub(crate) struct Plane<'a> {
     view: &'a View,
     projection: Projection,
     vignetted: bool,
@@ -141,7 +141,7 @@ impl<'a> Plane<'a> {
 }
 
 /// The light from a direction on a pixel of `taken` sr, for a scale of 1.
-pub fn received(radiance: &dyn Radiance, direction: &Vector3<f64>, taken: f64) -> f64 {
+pub(crate) fn received(radiance: &dyn Radiance, direction: &Vector3<f64>, taken: f64) -> f64 {
     let taken = if radiance.is_of_pixels() { 1.0 } else { taken };
     radiance.seen(direction) * taken
 }

@@ -77,18 +77,18 @@ pub struct Area {
 
 impl Area {
     /// Whether an edge of it may be in the field.
-    pub fn has_edges(&self) -> bool {
+    pub(crate) fn has_edges(&self) -> bool {
         matches!(&self.radiance, Ok(radiance) if radiance.edge().is_some())
     }
 
     /// Its smallest detail, rad; infinite without light.
-    pub fn detail(&self) -> f64 {
+    pub(crate) fn detail(&self) -> f64 {
         let radiance = self.radiance.as_ref();
         radiance.map_or(f64::INFINITY, |radiance| radiance.detail())
     }
 
     /// Angular speed of its own motion, rad/s.
-    pub fn swing(&self) -> f64 {
+    pub(crate) fn swing(&self) -> f64 {
         let radiance = self.radiance.as_ref();
         radiance.map_or(0.0, |radiance| radiance.turning().norm())
     }

@@ -54,7 +54,7 @@ struct Part {
 }
 
 /// Rasterizes `radiance` and counts the work. No light once the work limit is over.
-pub fn rasterize(
+pub(crate) fn rasterize(
     radiance: &dyn Radiance,
     plane: &Plane<'_>,
     blur: &Blur<'_>,

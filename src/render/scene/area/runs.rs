@@ -24,7 +24,7 @@ struct Span {
 
 /// Parts of rows that do not overlap.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Runs {
+pub(crate) struct Runs {
     width: usize,
     /// Index of each row's first span, and of the end.
     rows: Vec<u32>,

@@ -15,7 +15,7 @@ const MIN_SQUARES: usize = 8;
 /// Motion below this counts as none, px.
 const STILL_PX: f64 = 0.02;
 /// Time steps per pixel of motion, and their greatest number.
-pub const STEPS_PX: f64 = 4.0;
+pub(crate) const STEPS_PX: f64 = 4.0;
 const MAX_STEPS: usize = 256;
 /// Limit of the time steps of a frame, and least limit of one pixel.
 const ALL_STEPS: usize = 6_000_000;
@@ -29,7 +29,7 @@ pub const EDGE_NS: f64 = 45.0;
 
 /// How the pixels of a square are evaluated.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Sampled {
+pub(crate) enum Sampled {
     /// The middle of the pixel, over its time.
     Middle,
     /// The mean over its area and its time.
@@ -38,7 +38,7 @@ pub enum Sampled {
 
 /// A square of sampled pixels.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Block {
+pub(crate) struct Block {
     /// First column and row of the grid.
     pub at: [usize; 2],
     /// The light of each pixel, row by row, e-.
@@ -47,7 +47,7 @@ pub struct Block {
 
 /// The light of the squares whose pixels are sampled, by rows of squares; none once the work limit
 /// is over.
-pub fn sampled(
+pub(crate) fn sampled(
     grid: &Grid<'_, '_>,
     mut marked: Vec<(Square, Sampled)>,
     work: &mut RasterWork,
@@ -224,6 +224,6 @@ fn cells(radiance: &dyn Radiance, plane: &Plane<'_>) -> usize {
 }
 
 /// Greatest number of time steps of a pixel in a frame of so many `pixels`.
-pub fn max_steps(pixels: usize) -> usize {
+pub(crate) fn max_steps(pixels: usize) -> usize {
     (ALL_STEPS / pixels.max(1)).clamp(MIN_STEPS, MAX_STEPS)
 }

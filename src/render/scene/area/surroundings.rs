@@ -31,7 +31,7 @@ pub struct Surroundings {
 
 impl Surroundings {
     /// The surroundings of a view's observer.
-    pub fn of(view: &View) -> Surroundings {
+    pub(crate) fn of(view: &View) -> Surroundings {
         Surroundings {
             horizon: Horizon::of(view),
             limb: OnceCell::new(),
@@ -39,7 +39,7 @@ impl Surroundings {
     }
 
     /// The air, where some of it may be in the field. Computed on first use.
-    pub fn limb(&self, world: &World, view: &View) -> Option<Arc<Limb>> {
+    pub(crate) fn limb(&self, world: &World, view: &View) -> Option<Arc<Limb>> {
         let near = |horizon: &&Horizon| horizon.nearest() < horizon.height_of(AIR_M);
         let find = || {
             self.horizon.as_ref().filter(near)?;

@@ -21,7 +21,7 @@ pub struct TotalAreaLight {
 
 impl TotalAreaLight {
     /// The sum of `areas`; images have so many `pixels`.
-    pub fn of(areas: &[AreaLight], view: &View, pixels: usize) -> TotalAreaLight {
+    pub(crate) fn of(areas: &[AreaLight], view: &View, pixels: usize) -> TotalAreaLight {
         let Detector { width, height, .. } = view.camera.detector;
         let lights: Vec<&Light> = areas.iter().filter_map(AreaLight::light).collect();
         TotalAreaLight {
@@ -32,7 +32,7 @@ impl TotalAreaLight {
 
     /// Light given pixel by pixel, row by row, e-.
     #[cfg(test)]
-    pub fn each(size: [usize; 2], e: Vec<f32>) -> TotalAreaLight {
+    pub(crate) fn each(size: [usize; 2], e: Vec<f32>) -> TotalAreaLight {
         TotalAreaLight {
             light: Some(Light::each(size, e)),
             is_drawn: false,
@@ -40,12 +40,12 @@ impl TotalAreaLight {
     }
 
     /// None if no source has light.
-    pub fn light(&self) -> Option<&Light> {
+    pub(crate) fn light(&self) -> Option<&Light> {
         self.light.as_ref()
     }
 
     /// Adds the light on the pixels from `first` (row-major index) on to `electrons`.
-    pub fn add_to(&self, level: Option<Level>, first: usize, electrons: &mut [f32]) {
+    pub(crate) fn add_to(&self, level: Option<Level>, first: usize, electrons: &mut [f32]) {
         match &self.light {
             Some(light) if self.is_drawn => {
                 let drawn = &light.footprint().shares()[first..];
@@ -57,7 +57,7 @@ impl TotalAreaLight {
     }
 
     /// [`TotalAreaLight::add_to`] for a part of a row.
-    pub fn add_to_row(&self, first: usize, electrons: &mut [f32]) {
+    pub(crate) fn add_to_row(&self, first: usize, electrons: &mut [f32]) {
         match &self.light {
             Some(light) if self.is_drawn => {
                 let drawn = &light.footprint().shares()[first..];
@@ -70,14 +70,14 @@ impl TotalAreaLight {
     }
 
     /// The light on one pixel, e-.
-    pub fn of_pixel(&self, pixel: usize) -> f64 {
+    pub(crate) fn of_pixel(&self, pixel: usize) -> f64 {
         let mut e = [0.0];
         self.add_to_row(pixel, &mut e);
         e[0].into()
     }
 
     /// The light on each pixel, row by row, e-; empty without light.
-    pub fn e(&self) -> &[f32] {
+    pub(crate) fn e(&self) -> &[f32] {
         self.light().map(Light::e).unwrap_or_default()
     }
 }

@@ -25,7 +25,7 @@ const BETWEEN: f64 = 1.1;
 const BAND: usize = 16;
 
 /// The light of all area sources with the effects `other`.
-pub fn areas_with(scene: &Scene, other: &EffectSet) -> TotalAreaLight {
+pub(crate) fn areas_with(scene: &Scene, other: &EffectSet) -> TotalAreaLight {
     let view = &scene.view;
     let full = Full::of(view, view.areas.iter(), other, &scene.fidelity);
     let areas = view.areas.iter();
@@ -49,7 +49,7 @@ pub fn straightened_e(scene: &Scene, other: &EffectSet) -> f64 {
 
 /// Bound of the change of a pixel if area light moves by `px`, from the steepest step between two
 /// pixels, e-.
-pub fn areas_moved_e(scene: &Scene, px: f64) -> f64 {
+pub(crate) fn areas_moved_e(scene: &Scene, px: f64) -> f64 {
     let steepest = |rows: &[f32], step: usize| match rows.get(step..) {
         Some(next) => reduce::max_difference(rows, next),
         None => 0.0,

@@ -23,7 +23,7 @@ fn light_of_cells<'a>(scene: &Scene, lights: impl Iterator<Item = Lit<'a>>) -> V
 }
 
 /// [`lit_e`] of the stars, and of all light.
-pub fn stars_and_all_lit_e(scene: &Scene) -> [Vec<f64>; 2] {
+pub(crate) fn stars_and_all_lit_e(scene: &Scene) -> [Vec<f64>; 2] {
     let detector = &scene.view.camera.detector;
     let (stars, others): (Vec<&Source>, _) =
         (scene.sources.iter()).partition(|source| matches!(source.body, Body::Star(_)));
@@ -77,7 +77,7 @@ pub fn transfer_smear_of(scene: &Scene, area: &AreaLight) -> Vec<f64> {
 
 /// The least charge of a pixel of each column from the area sources in `parts`, at the least
 /// response, e-; empty without area sources.
-pub fn areas_min_e(scene: &Scene, parts: &EffectSet) -> Vec<f64> {
+pub(crate) fn areas_min_e(scene: &Scene, parts: &EffectSet) -> Vec<f64> {
     let width = scene.view.camera.detector.width;
     let mut floors = Vec::new();
     let both = scene.areas.iter().filter(|area| parts.has(area.effect));
@@ -93,7 +93,7 @@ pub fn areas_min_e(scene: &Scene, parts: &EffectSet) -> Vec<f64> {
 }
 
 /// The least charge of a pixel from an area source, e-.
-pub fn min_charge_e(scene: &Scene, area: &AreaLight) -> f64 {
+pub(crate) fn min_charge_e(scene: &Scene, area: &AreaLight) -> f64 {
     let min_e = area.floor_e().reduce(f32::min).unwrap_or(0.0);
     f64::from(min_e) * (2.0 - scene.responds())
 }

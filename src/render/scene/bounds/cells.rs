@@ -23,10 +23,10 @@ const BAND: usize = 16 * CELL;
 const ROWS: usize = 32;
 
 /// The factor of a pixel's light, by row-major index.
-pub type Weight<'a> = &'a (dyn Fn(usize) -> f64 + Sync);
+pub(crate) type Weight<'a> = &'a (dyn Fn(usize) -> f64 + Sync);
 
 /// Bound of the light on any pixel times its `weight` (none: 1), for each column of cells, e-.
-pub fn pixels_e<'a>(
+pub(crate) fn pixels_e<'a>(
     detector: &Detector,
     lights: impl Iterator<Item = Lit<'a>>,
     weight: Option<Weight<'_>>,
@@ -36,7 +36,7 @@ pub fn pixels_e<'a>(
 }
 
 /// For each cell the sum over lights of their brightest pixel in it, e-; in parts, to be added up.
-pub fn cells_of<'a>(
+pub(crate) fn cells_of<'a>(
     detector: &Detector,
     lights: impl Iterator<Item = Lit<'a>>,
     weight: Option<Weight<'_>>,
@@ -63,7 +63,7 @@ pub fn cells_of<'a>(
 }
 
 /// The greatest cell of each column of cells, for the sum of `parts`.
-pub fn greatest_e(detector: &Detector, parts: &[Vec<f64>]) -> Vec<f64> {
+pub(crate) fn greatest_e(detector: &Detector, parts: &[Vec<f64>]) -> Vec<f64> {
     let columns = detector.width.div_ceil(CELL);
     let none = || vec![0.0f64; columns];
     let rows = (0..detector.height.div_ceil(CELL)).into_par_iter();
@@ -167,12 +167,17 @@ fn raise<T: Copy + PartialOrd>(max: &mut T, to: T) {
 }
 
 /// The share of a source's brightest pixel.
-pub fn greatest_share(source: &Source) -> f64 {
+pub(crate) fn greatest_share(source: &Source) -> f64 {
     reduce::greatest(source.footprint.shares()).into()
 }
 
 /// Calls `each` once with every cell within `margin` pixels of a source's image.
-pub fn cells(detector: &Detector, source: &Source, margin: usize, mut each: impl FnMut(usize)) {
+pub(crate) fn cells(
+    detector: &Detector,
+    source: &Source,
+    margin: usize,
+    mut each: impl FnMut(usize),
+) {
     let columns = detector.width.div_ceil(CELL);
     let lit = |(_, _, shares): &(usize, usize, &[f32])| !shares.is_empty();
     let rows = source.footprint.rows(0..detector.height).filter(lit);

@@ -42,7 +42,7 @@ struct Pair<'a> {
 }
 
 /// The images of a scene, and their changes with other effects.
-pub struct Compared<'a> {
+pub(crate) struct Compared<'a> {
     scene: &'a Scene,
     other: EffectSet,
     fidelity: Fidelity,
@@ -61,7 +61,7 @@ pub struct Compared<'a> {
 
 /// The changes of the pixels of a column of cells, e-.
 #[derive(Debug, Clone, Copy, Default)]
-pub struct Peak {
+pub(crate) struct Peak {
     /// The known change of the cell with the greatest sum of known change and bound.
     pub known: f64,
     /// The bound of that cell's other sources.
@@ -76,7 +76,7 @@ pub struct Peak {
 
 /// Compares the images with those of the effects `other`; `faint` and `change` bound the change of
 /// each ([`changes`]). With `enters`, further sources may come onto the detector.
-pub fn compare<'a>(
+pub(crate) fn compare<'a>(
     scene: &'a Scene,
     other: &EffectSet,
     enters: bool,
@@ -263,7 +263,7 @@ impl Pair<'_> {
 }
 
 /// The images that touch the detector with the effects `without`, but not in the scene.
-pub fn entering(scene: &Scene, without: &EffectSet) -> Vec<Source> {
+pub(crate) fn entering(scene: &Scene, without: &EffectSet) -> Vec<Source> {
     if *without == scene.simulated {
         return Vec::new();
     }

@@ -60,7 +60,7 @@ pub struct Image<'a> {
 
 impl Image<'_> {
     /// The peak of its image, e- a pixel.
-    pub fn height_e(&self) -> f64 {
+    pub(crate) fn height_e(&self) -> f64 {
         let source = self.source;
         // The peak may lie between pixels: the ratio of a source in the middle of a pixel to one at
         // a corner.
@@ -80,7 +80,7 @@ impl Image<'_> {
 
     /// Bound of the change of a pixel's light if the image, `e` electrons high, moves by `px`, e-.
     /// Its slope is `steepest` heights a core (a Gaussian's).
-    pub fn moved_e(&self, e: f64, steepest: f64, px: f64) -> f64 {
+    pub(crate) fn moved_e(&self, e: f64, steepest: f64, px: f64) -> f64 {
         let core_px = self.core_px;
         // If it is off the detector, the slope of its flank at that distance.
         let steepest = steepest.max(self.flank());
@@ -94,7 +94,7 @@ impl Image<'_> {
     /// a path of length L = `length_px` with the same centre, e-: `L^2 / 24` of the bend, and `L /
     /// 8` of the jump of the slope where cells of images end. 20 % margin for profiles other than a
     /// Gaussian.
-    pub fn spread_e(&self, e: f64, length_px: f64) -> f64 {
+    pub(crate) fn spread_e(&self, e: f64, length_px: f64) -> f64 {
         let smooth = (length_px / self.core_px).powi(2) / 24.0;
         let kinks = (self.psf.gradient()).map_or(0.0, |of| of.kink / of.peak * length_px / 8.0);
         let flank = self.flank().max(1.0).powi(2);
@@ -113,7 +113,7 @@ impl Image<'_> {
 
     /// Bound of the light of a pixel on the detector, of an image `e` electrons high that moves by
     /// at most `off_px`, e-.
-    pub fn inside_e(&self, e: f64, off_px: f64) -> f64 {
+    pub(crate) fn inside_e(&self, e: f64, off_px: f64) -> f64 {
         let from_px = self.outside_px + 0.5 - off_px;
         if self.outside_px == 0.0 || from_px <= 0.0 {
             return e;
@@ -160,7 +160,7 @@ impl Image<'_> {
 
     /// Distance of the centroid from the middle of its ends, px. It exceeds the distance from the
     /// position at mid-exposure, for constant acceleration.
-    pub fn bend_px(&self) -> f64 {
+    pub(crate) fn bend_px(&self) -> f64 {
         let Source {
             start,
             end,
@@ -184,7 +184,7 @@ pub struct BoundChange {
 /// The bound of each lit image's change: of any pixel, e-, and the number of pixels around the
 /// image. `change` computes it. A source whose whole light is faint compared with the greatest
 /// changes is bounded by that light, up to the number of pixels from `faint` (none: not allowed).
-pub fn changes(
+pub(crate) fn changes(
     scene: &Scene,
     faint: impl Fn(&Source) -> Option<f64> + Sync,
     change: impl Fn(&Image<'_>) -> BoundChange + Sync,

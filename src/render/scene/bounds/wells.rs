@@ -59,7 +59,7 @@ fn flood(scene: &Scene) -> Option<EffectId> {
 }
 
 /// Limits the charge of a column to what its pixels hold, e-.
-pub fn fill(column: &mut [f64], detector: &Detector) {
+pub(crate) fn fill(column: &mut [f64], detector: &Detector) {
     let full = detector.full_well_e;
     match detector.blooming {
         Blooming::None => column.iter_mut().for_each(|e| *e = e.min(full)),
@@ -82,7 +82,7 @@ pub fn held_e(scene: &Scene, columns: &[usize], parts: &EffectSet) -> Vec<f64> {
 }
 
 /// Converts the light on `columns` to the charge that their pixels hold, e-.
-pub fn hold(scene: &Scene, light: &mut [f64], columns: &[usize], parts: &EffectSet) {
+pub(crate) fn hold(scene: &Scene, light: &mut [f64], columns: &[usize], parts: &EffectSet) {
     turn(scene, light, columns, parts);
     if parts.has(EffectId::FullWell) {
         let detector = &scene.view.camera.detector;

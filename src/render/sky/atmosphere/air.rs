@@ -93,7 +93,7 @@ impl Air {
     }
 
     /// [`Air::column`] from a point at `radius` (m) with known `air`.
-    pub fn column_from(&self, radius: f64, air: Density, cos: f64) -> f64 {
+    pub(crate) fn column_from(&self, radius: f64, air: Density, cos: f64) -> f64 {
         let up = air.molecules_m3 * air.scale_m * chapman(radius / air.scale_m, cos.abs());
         if cos >= 0.0 {
             return up;

@@ -19,7 +19,7 @@ use crate::camera::Band;
 use std::f64::consts::{E, PI};
 
 /// One Rayleigh, ph/s/m^2/sr.
-pub const RAYLEIGH: f64 = 1e10 / (4.0 * PI);
+pub(crate) const RAYLEIGH: f64 = 1e10 / (4.0 * PI);
 
 /// Altitude and thickness of a layer.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -128,7 +128,7 @@ pub struct Airglow {
 
 impl Airglow {
     /// In `band`, with each line weighted by the band's response.
-    pub fn of(band: &Band) -> Airglow {
+    pub(crate) fn of(band: &Band) -> Airglow {
         let lines = LINES.iter().map(|&(nm, rayleigh, position)| {
             let response = band.response(nm * 1e-9);
             (position, rayleigh * response)

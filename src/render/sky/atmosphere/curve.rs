@@ -3,7 +3,7 @@
 /// `sum w exp(-s N)` of a column `N` (1/m^2) as a table: linear pieces, equally many per octave,
 /// with an error of 3e-5 of it at an optical depth of 1.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Curve {
+pub(crate) struct Curve {
     values: Vec<f64>,
 }
 

@@ -11,7 +11,7 @@ const SHELLS: [(f64, f64, usize); 3] = [(60e3, 1e3, 15), (75e3, 0.25e3, 160), (1
 
 /// The airglow in shells.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Shells {
+pub(crate) struct Shells {
     /// Radius (m) of the lowest shell's inner side.
     foot: f64,
     /// Outer radius (m) and emission per metre, ph/s/m^2/sr/m, of each shell.

@@ -23,7 +23,7 @@ pub enum Sight {
 
 /// A line of sight: its distance from the centre, and its part in the atmosphere.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Line {
+pub(crate) struct Line {
     pub sight: Sight,
     /// m.
     pub p: f64,
@@ -48,7 +48,7 @@ const CROWDING: f64 = 4.5;
 
 impl Sight {
     /// For a line from an observer at `radius` (m), at cosine `cos` of its zenith distance.
-    pub fn of(radius: f64, cos: f64, sin: f64) -> Sight {
+    pub(crate) fn of(radius: f64, cos: f64, sin: f64) -> Sight {
         let p = radius * sin;
         if cos < 0.0 && p < EARTH_RADIUS_M {
             let part = p / EARTH_RADIUS_M;
@@ -65,7 +65,7 @@ impl Sight {
     }
 
     /// The line of this sight from an observer at `radius` (m).
-    pub fn line(self, radius: f64) -> Line {
+    pub(crate) fn line(self, radius: f64) -> Line {
         let p = match self {
             Sight::Ground(cos) => EARTH_RADIUS_M * ((1.0 - cos) * (1.0 + cos)).sqrt(),
             Sight::Past(altitude) => EARTH_RADIUS_M + altitude,
@@ -146,6 +146,6 @@ impl Line {
 }
 
 /// Half the chord of a sphere of `radius` on a line at the distance `p` from its centre, m.
-pub fn half_chord(radius: f64, p: f64) -> f64 {
+pub(crate) fn half_chord(radius: f64, p: f64) -> f64 {
     ((radius - p) * (radius + p)).max(0.0).sqrt()
 }

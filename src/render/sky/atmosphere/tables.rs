@@ -21,7 +21,7 @@ struct Cubics<const N: usize> {
 
 /// Light by the coordinate of one kind of line, as binary logarithms.
 #[derive(Debug, Clone)]
-pub struct Table {
+pub(crate) struct Table {
     logs: Cubics<1>,
 }
 
@@ -103,7 +103,7 @@ impl Table {
 
 impl Row {
     /// For sines of the Sun's height between the two `ends`.
-    pub fn of(weights: [f64; 2], ends: [f64; 2]) -> Row {
+    pub(crate) fn of(weights: [f64; 2], ends: [f64; 2]) -> Row {
         let [from, to] = ends.map(crowd);
         let span = to - from;
         Row {
@@ -118,7 +118,7 @@ impl Row {
     /// The fractions for the Sun's cosines to the observer's zenith and to the line's horizontal
     /// direction; `parts` computes them for sines of the Sun's height.
     #[inline]
-    pub fn at(&self, sun: [f64; 2], parts: impl Fn(f64) -> [f64; 2]) -> [f64; 2] {
+    pub(crate) fn at(&self, sun: [f64; 2], parts: impl Fn(f64) -> [f64; 2]) -> [f64; 2] {
         let height = self.weights[0] * sun[0] + self.weights[1] * sun[1];
         let part = (crowd(height) - self.from) * self.per_span;
         let [direct, from_below] = self.parts.at(part, move |part| {
@@ -129,7 +129,7 @@ impl Row {
 
     /// The Sun's cosine to the line's horizontal direction, for the sine `height` of its height and
     /// its cosine `along` to the observer's zenith.
-    pub fn across(&self, height: f64, along: f64) -> f64 {
+    pub(crate) fn across(&self, height: f64, along: f64) -> f64 {
         if self.weights[1].abs() > 1e-9 {
             (height - self.weights[0] * along) / self.weights[1]
         } else {

@@ -48,7 +48,7 @@ struct Factor {
 impl MoonDisc {
     /// The lit part in full sunlight as cells of at most `1 / count` of the disc's diameter. Shares
     /// sum to 1; empty at new Moon.
-    pub fn cells(&self, count: usize) -> Vec<Cell> {
+    pub(crate) fn cells(&self, count: usize) -> Vec<Cell> {
         if PI - self.phase <= NEW_MOON {
             return Vec::new();
         }

@@ -91,7 +91,7 @@ const LATITUDE: [[f64; 3]; 13] = [
 
 /// Geocentric position (m) and velocity (m/s) of the Moon's centre at `t`, geometric, GCRF. Takes
 /// some 5 microseconds.
-pub fn state(t: Epoch) -> (Vector3<f64>, Vector3<f64>) {
+pub(crate) fn state(t: Epoch) -> (Vector3<f64>, Vector3<f64>) {
     let days = tt_days_since_j2000(t);
     let [position, velocity] = sofars::eph::moon98(J2000_JD, days).map(|v| Vector3::from(v) * AU_M);
 

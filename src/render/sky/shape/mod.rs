@@ -135,7 +135,7 @@ impl Shape {
     }
 
     /// Number of facets, at least one.
-    pub fn facets(&self) -> usize {
+    pub(crate) fn facets(&self) -> usize {
         self.facets.len().max(1)
     }
 

@@ -7,7 +7,7 @@ use std::f64::consts::{PI, TAU};
 /// A band of surface whose normals go around `axis`, all with the same elevation above the plane
 /// across it.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Ring {
+pub(crate) struct Ring {
     /// Unit vectors: two across the axis, and the axis.
     frame: [Vector3<f64>; 3],
     /// Cosine and sine of the normals' elevation towards the axis.

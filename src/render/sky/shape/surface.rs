@@ -38,7 +38,7 @@ pub enum Lobe {
 /// its radiance is the Sun's, so a lossless one fills the Sun's solid angle and no more. A glossy
 /// surface has `k = 2`, which ends smoothly.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Cap {
+pub(crate) struct Cap {
     /// Radius of the cap, rad.
     edge: f64,
     /// `1 - cos` of it.
@@ -54,7 +54,7 @@ impl Lobe {
     pub const NARROWEST: f64 = 0.5 * PI / 180.0;
 
     /// Its distribution for an angular radius `sun_radius` (rad) of the Sun's disc.
-    pub fn cap(self, sun_radius: f64) -> Cap {
+    pub(crate) fn cap(self, sun_radius: f64) -> Cap {
         let (edge, smooth) = match self {
             Lobe::Mirror => (sun_radius, false),
             Lobe::Smooth(edge) => (edge.clamp(Lobe::NARROWEST, PI / 2.0), true),
@@ -106,7 +106,7 @@ impl Surface {
     /// for the cosines `sun = n . s` and `seen = n . o`, both above 0, `apart = s . o`, and its
     /// lobe's `cap`. At grazing light a part of the lobe would enter the surface. The second term
     /// of `F_spec` reflects that part, so that no light is lost.
-    pub fn reflected(&self, sun: f64, seen: f64, apart: f64, cap: &Cap) -> f64 {
+    pub(crate) fn reflected(&self, sun: f64, seen: f64, apart: f64, cap: &Cap) -> f64 {
         let mirrored = 2.0 * sun * seen - apart;
         let lobes = cap.density(mirrored) + cap.density(-apart);
         self.reflectance * (self.diffuse * sun * seen / PI + self.specular * sun * lobes)
