@@ -46,7 +46,9 @@ pub enum ListError {
     },
     #[error("{name}: {found}")]
     Unread { name: String, found: String },
-    #[error("{name}: {count} attitudes; a list needs two at least (for one attitude, hold it)")]
+    #[error(
+        "{name}: a list needs two attitudes at least, this has {count}; to hold one, write it at two times"
+    )]
     TooShort { name: String, count: usize },
     #[error(
         "{name}: the attitude at {} does not come after the one before it; sort the list by time",

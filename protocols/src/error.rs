@@ -137,6 +137,10 @@ impl fmt::Display for DecodeError {
                     "opcode {opcode} in octet 15 is no command: see the table of opcodes in the ICD"
                 )
             }
+            Self::QuaternionNotUnit { norm_squared } if norm_squared > 1e6 => write!(
+                f,
+                "Attitude.q_icrf_to_body has the squared norm {norm_squared:.1e}: send big-endian numbers, and a unit quaternion"
+            ),
             Self::QuaternionNotUnit { norm_squared } => write!(
                 f,
                 "Attitude.q_icrf_to_body has the squared norm {norm_squared}: normalise it, 1e-3 off in the norm is the limit"

@@ -203,9 +203,7 @@ pub fn foreign() -> Error {
 
 /// The error for a format without a mark: skyloop may have written the file.
 fn unmarked() -> Error {
-    invalid(
-        "exists already; element sets, camera files and CAN logs are replaced with --force only",
-    )
+    invalid("exists already: name another file, or replace it with --force")
 }
 
 /// Opens for writing without waiting for the reader of a pipe.
@@ -294,7 +292,7 @@ mod tests {
             let written = write_file(&file, "new", mark, false);
             assert_eq!(written.is_ok(), may, "{contents:?} {mark:?}");
             let text = written.map_or_else(|error| error.to_string(), |()| String::new());
-            let is_unmarked = text.starts_with("exists already; element sets");
+            let is_unmarked = text.starts_with("exists already: name another");
             assert_eq!(
                 is_unmarked,
                 !may && mark.is_empty(),

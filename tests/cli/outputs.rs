@@ -176,7 +176,7 @@ fn foreign_files_are_replaced_only_with_force() {
         let says = if case.is_recognised {
             "did not make"
         } else {
-            "exists already; element sets, camera files and CAN logs"
+            "exists already: name another file"
         };
         here.run(words).exits(1).says(&[says, "--force"]);
         assert_eq!(here.read(&case.file), "mine", "{words}");
