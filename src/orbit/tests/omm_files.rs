@@ -308,6 +308,9 @@ fn one_bad_record_does_not_affect_others() {
         json(&SPACE_TRACK_JSON.replace("}]", "]")),
         json(&SPACE_TRACK_JSON.replace("\"EPOCH\":\"2026-07-12T03:04:05.678912\",", "")),
         csv(&SPACE_TRACK_CSV.replace("\"MADE UP 1\"", "\"MADE UP 1")),
+        // A value less than the header has columns, and one more.
+        csv(&SPACE_TRACK_CSV.replace(",\"\"\n", "\n")),
+        csv(&SPACE_TRACK_CSV.replace("\"U\",", "\"U\",\"U\",")),
     ] {
         let contents = parse_contents(&text, "test.omm").unwrap();
         let numbers: Vec<_> = contents.records.iter().map(|r| r.elements.norad).collect();
