@@ -226,7 +226,7 @@ mod tests {
             (format!("{at} 0 0 0 1.1"), "norm is 1.1"),
             (format!("{at} 0 0 0 nan"), "\"nan\" is no finite number"),
             (at.into(), "only one field"),
-            (format!("{at} 0 0 0 1"), "two at least"),
+            (format!("{at} 0 0 0 1"), "this has 1; to hold one"),
             (format!("{at} 0 0 0 1\n{at} 0 0 0 1"), "sort the list"),
         ] {
             let error = AttitudeList::parse(&text, "a.txt").unwrap_err().to_string();
