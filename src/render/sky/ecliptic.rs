@@ -24,7 +24,7 @@ pub(crate) fn from_icrf(v: &Vector3<f64>) -> Vector3<f64> {
     )
 }
 
-/// The inverse of [`from_icrf`].
+/// From ecliptic axes to those of the ICRF.
 pub fn to_icrf(v: &Vector3<f64>) -> Vector3<f64> {
     Vector3::new(
         v.x,
