@@ -6,9 +6,10 @@ use super::lanes::BLOCK;
 use super::level::Level;
 use super::model::Model;
 use super::near::Near;
-use super::propagate::{Advance, Propagate, Request, Requested, SingleObject};
+use super::propagate::{Advance, Begin, Finish, Request, Requested, SingleObject};
 use super::resonance::{Free, HalfDay, OneDay};
 use super::secular::{Instant, Instants, When};
+use super::short_period::Intermediate;
 use super::site::Site;
 use crate::StateVector;
 use crate::elements::{Elements, ModelError};
@@ -207,14 +208,14 @@ impl Batch {
         let instants = Instants::of(when);
         let mut found = vec![BlockStates::NONE; objects.len().min(CHUNK)];
         for objects in objects.chunks(CHUNK) {
-            let requests = objects.iter().map(|object| SingleObject::<N> {
+            let requests = objects.iter().map(|object| SingleObject {
                 slot: self.slots.get(*object).copied().unwrap_or(NO_OBJECT) as usize,
                 instants,
             });
-            let requests: Vec<SingleObject<N>> = requests.collect();
+            let requests: Vec<SingleObject> = requests.collect();
             let found = &mut found[..objects.len()];
             found.fill(BlockStates::NONE);
-            self.blocks_requested(&requests, found);
+            self.single_objects(&requests, N, found);
             for states in &*found {
                 each(std::array::from_fn(|i| states.get(i)));
             }
@@ -223,19 +224,30 @@ impl Batch {
 
     /// The states of the requested blocks, in that order. The states of a missing block do not
     /// change.
-    pub(crate) fn blocks_requested<A: Request>(&self, requested: &[A], states: &mut [BlockStates]) {
+    pub(crate) fn blocks_requested(&self, requested: &[Requested], states: &mut [BlockStates]) {
+        self.of_kinds(requested, BLOCK, states);
+    }
+
+    /// The states of single objects, each in the first `slots` of a block.
+    fn single_objects(&self, requested: &[SingleObject], slots: usize, states: &mut [BlockStates]) {
+        self.of_kinds(requested, slots, states);
+    }
+
+    fn of_kinds<A: Request>(&self, requested: &[A], slots: usize, states: &mut [BlockStates]) {
         let ends = self.ends();
         let kind = |requested: &A| ends.iter().filter(|end| requested.block() >= **end).count();
         let mut rest = states;
-        for requested in requested.chunk_by(|a, b| kind(a) == kind(b)) {
+        for requests in requested.chunk_by(|a, b| kind(a) == kind(b)) {
             let states;
-            (states, rest) = rest.split_at_mut(requested.len().min(rest.len()));
-            match kind(&requested[0]) {
-                0 => self.of_kind(&self.near, 0, requested, states),
-                1 => self.of_kind(&self.deep, ends[0], requested, states),
-                2 => self.of_kind(&self.one_day, ends[1], requested, states),
-                3 => self.of_kind(&self.half_day, ends[2], requested, states),
-                _ => {}
+            (states, rest) = rest.split_at_mut(requests.len().min(rest.len()));
+            for (requests, states) in requests.chunks(CHUNK).zip(states.chunks_mut(CHUNK)) {
+                match kind(&requests[0]) {
+                    0 => self.of_kind(&self.near, 0, requests, slots, states),
+                    1 => self.of_kind(&self.deep, ends[0], requests, slots, states),
+                    2 => self.of_kind(&self.one_day, ends[1], requests, slots, states),
+                    3 => self.of_kind(&self.half_day, ends[2], requests, slots, states),
+                    _ => {}
+                }
             }
         }
     }
@@ -255,30 +267,36 @@ impl Batch {
         })
     }
 
-    /// Propagates blocks of one kind, whose first block has the number `first`.
+    /// Propagates up to [`CHUNK`] blocks of one kind, whose first block has the number `first`.
     fn of_kind<M: Model, A: Request>(
         &self,
         blocks: &[M],
         first: usize,
-        requested: &[A],
+        requests: &[A],
+        slots: usize,
         states: &mut [BlockStates],
     ) {
-        for (requests, states) in requested.chunks(CHUNK).zip(states.chunks_mut(CHUNK)) {
-            match requests.len() {
-                1 => self.level.run(Propagate::<M, A, 1> {
-                    blocks,
-                    first,
-                    requests,
-                    states,
-                }),
-                _ => self.level.run(Propagate::<M, A, CHUNK> {
-                    blocks,
-                    first,
-                    requests,
-                    states,
-                }),
-            }
-        }
+        let (mut single, mut many);
+        // A single block is common, and clearing all would take longer than its propagation.
+        let work: &mut [Intermediate] = if requests.len() == 1 {
+            single = [const { Intermediate::EMPTY }; 1];
+            &mut single
+        } else {
+            many = [const { Intermediate::EMPTY }; CHUNK];
+            &mut many[..requests.len()]
+        };
+        self.level.run(Begin {
+            blocks,
+            first,
+            requests,
+            slots,
+            work,
+        });
+        self.level.run(Finish {
+            slots,
+            work,
+            states,
+        });
     }
 }
 

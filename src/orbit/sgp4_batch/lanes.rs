@@ -46,7 +46,10 @@ impl<S: Simd> Part<S> {
     /// The parts that hold the first `slots`.
     #[inline(always)]
     pub fn first(simd: S, slots: usize) -> impl Iterator<Item = Part<S>> {
-        (0..slots.div_ceil(S::F64_LANES)).map(move |index| Part {
+        // The constant end of the range keeps index checks out of the loops.
+        let used = move |index: &usize| index * S::F64_LANES < slots;
+        let parts = (0..BLOCK / S::F64_LANES).take_while(used);
+        parts.map(move |index| Part {
             simd,
             index,
             broadcast: None,

@@ -1,5 +1,8 @@
 //! Propagates many blocks at a time. Each step is done for all of them before the next. In a single
 //! block every operation would wait for the one before.
+//!
+//! The first step depends on the kind of block and on the request; the others do not, so that they
+//! are compiled once for each level.
 
 use super::block::BlockStates;
 use super::lanes::{BLOCK, Part};
@@ -13,9 +16,6 @@ use pulp::{Simd, WithSimd};
 pub(crate) trait Request {
     /// The number of the block.
     fn block(&self) -> usize;
-
-    /// How many slots of the result are used.
-    fn slots(&self) -> usize;
 
     /// The perturbed mean elements.
     fn perturbed<M: Model, S: Simd>(&self, block: &M, part: Part<S>) -> Perturbed<S>;
@@ -42,11 +42,6 @@ impl Request for Requested {
     }
 
     #[inline(always)]
-    fn slots(&self) -> usize {
-        BLOCK
-    }
-
-    #[inline(always)]
     fn perturbed<M: Model, S: Simd>(&self, block: &M, part: Part<S>) -> Perturbed<S> {
         block.perturbed(part, block.secular().minutes(part, self.when))
     }
@@ -54,20 +49,15 @@ impl Request for Requested {
 
 /// One object at several instants, each in its own slot.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct SingleObject<const N: usize> {
+pub(super) struct SingleObject {
     /// The object's slot in the catalogue's blocks.
     pub slot: usize,
     pub instants: Instants,
 }
 
-impl<const N: usize> Request for SingleObject<N> {
+impl Request for SingleObject {
     fn block(&self) -> usize {
         self.slot / BLOCK
-    }
-
-    #[inline(always)]
-    fn slots(&self) -> usize {
-        N
     }
 
     #[inline(always)]
@@ -77,35 +67,52 @@ impl<const N: usize> Request for SingleObject<N> {
     }
 }
 
-/// Propagates up to `N` blocks, with the instructions of a level.
-pub(super) struct Propagate<'a, M, A, const N: usize> {
+/// The first step: mean elements with perturbations, and long-period terms.
+pub(super) struct Begin<'a, M, A> {
     pub blocks: &'a [M],
     /// The number of the first block.
     pub first: usize,
     pub requests: &'a [A],
-    pub states: &'a mut [BlockStates],
+    /// How many slots of the results are used.
+    pub slots: usize,
+    pub work: &'a mut [Intermediate],
 }
 
-impl<M: Model, A: Request, const N: usize> WithSimd for Propagate<'_, M, A, N> {
+impl<M: Model, A: Request> WithSimd for Begin<'_, M, A> {
     type Output = ();
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        let mut work = [const { Intermediate::EMPTY }; N];
-        for (request, work) in self.requests.iter().zip(&mut work) {
+        for (request, work) in self.requests.iter().zip(self.work) {
             if let Some(block) = self.blocks.get(request.block() - self.first) {
-                for part in Part::first(simd, request.slots()) {
+                for part in Part::first(simd, self.slots) {
                     request.perturbed(block, part).long_period(part, work);
                 }
             }
         }
-        for (request, work) in self.requests.iter().zip(&mut work) {
-            for part in Part::first(simd, request.slots()) {
+    }
+}
+
+/// The other steps: Kepler's equation and short-period terms.
+pub(super) struct Finish<'a> {
+    /// How many slots of the results are used.
+    pub slots: usize,
+    pub work: &'a mut [Intermediate],
+    pub states: &'a mut [BlockStates],
+}
+
+impl WithSimd for Finish<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        for work in &mut *self.work {
+            for part in Part::first(simd, self.slots) {
                 work.solve(part);
             }
         }
-        for ((request, work), states) in self.requests.iter().zip(&work).zip(self.states) {
-            for part in Part::first(simd, request.slots()) {
+        for (work, states) in self.work.iter().zip(self.states) {
+            for part in Part::first(simd, self.slots) {
                 work.state(part, states);
             }
         }
