@@ -209,7 +209,17 @@ impl Server {
         &mut self,
         stop: &AtomicBool,
         limit: Option<u32>,
-        on_exposed: impl FnMut(&ExposedFrame),
+        mut on_exposed: impl FnMut(&ExposedFrame),
+    ) -> Ended {
+        self.run_until(stop, limit, &mut on_exposed)
+    }
+
+    /// [`Self::run`], compiled once, in this crate.
+    fn run_until(
+        &mut self,
+        stop: &AtomicBool,
+        limit: Option<u32>,
+        on_exposed: &mut dyn FnMut(&ExposedFrame),
     ) -> Ended {
         let Some(mut emulator) = self.emulator.take() else {
             return Ended::AsRequested;
@@ -249,7 +259,7 @@ impl Server {
         renderer: &Renderer,
         stop: &AtomicBool,
         limit: Option<u32>,
-        mut on_exposed: impl FnMut(&ExposedFrame),
+        on_exposed: &mut dyn FnMut(&ExposedFrame),
     ) -> Result<Ended, LinkError> {
         let state = &mut self.state;
         for channel in &state.session.channels {
@@ -260,7 +270,7 @@ impl Server {
             let bands = detector.height.div_ceil(BAND_ROWS);
             renderer.buffers().fill(bands, detector.width * BAND_ROWS);
         }
-        let ended = run_loop(state, renderer, stop, limit, &mut on_exposed);
+        let ended = run_loop(state, renderer, stop, limit, on_exposed);
         if stop.load(Ordering::Relaxed) && matches!(ended, Ok(Ended::AsRequested)) {
             self.stopped = Some(Instant::now());
         }
@@ -273,7 +283,7 @@ impl Server {
             let _ = handle_event(state, event, renderer.buffers());
         }
         state.frames.end_all(&mut state.session);
-        settle(state, renderer, &mut on_exposed);
+        settle(state, renderer, on_exposed);
         ended
     }
 
@@ -314,7 +324,7 @@ fn run_loop(
     renderer: &Renderer,
     stop: &AtomicBool,
     limit: Option<u32>,
-    on_exposed: &mut impl FnMut(&ExposedFrame),
+    on_exposed: &mut dyn FnMut(&ExposedFrame),
 ) -> Result<Ended, LinkError> {
     while !stop.load(Ordering::Relaxed) {
         while !(state.frames.is_rendering() && state.session.holds_frame()) {
@@ -357,7 +367,7 @@ fn run_loop(
 fn settle(
     state: &mut State,
     renderer: &Renderer,
-    on_exposed: &mut impl FnMut(&ExposedFrame),
+    on_exposed: &mut dyn FnMut(&ExposedFrame),
 ) -> bool {
     state.record_tx_complete();
     let mut any = false;
