@@ -71,6 +71,7 @@
 
 #![cfg_attr(not(test), warn(clippy::disallowed_methods))]
 
+#[path = "measure/lib.rs"]
 pub mod measure;
 pub mod output;
 pub mod passes;
