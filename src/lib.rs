@@ -65,14 +65,13 @@
 //! | [`link`] | UDP, serial lines, CAN; faults; capture |
 //! | [`config`] | scene and run files; [`flight`]: their missions |
 //! | `skyloop-live` | [`serve`]: commands in, frames out by their deadlines; [`timing`], [`metrics`], [`soak`] |
-//! | `skyloop` | [`output`]: files; [`measure`]: times and errors of settings; [`passes`]: passes through the field |
+//! | [`measure`] | times and errors of settings |
+//! | `skyloop` | [`output`]: files; [`passes`]: passes through the field |
 //! | [`protocols`] | the wire format, `no_std` |
 //! | [`client`] | a mock flight computer: the other end of the link |
 
 #![cfg_attr(not(test), warn(clippy::disallowed_methods))]
 
-#[path = "measure/lib.rs"]
-pub mod measure;
 pub mod output;
 pub mod passes;
 
@@ -82,6 +81,7 @@ pub use skyloop_firmware_sim as client;
 pub use skyloop_link as link;
 pub use skyloop_live::serve::Server;
 pub use skyloop_live::{host, metrics, realtime, serve, soak, stats, timing};
+pub use skyloop_measure as measure;
 pub use skyloop_orbit::time::parse_utc;
 pub use skyloop_orbit::{self as orbit};
 pub use skyloop_protocols as protocols;

@@ -57,7 +57,7 @@ const FLIGHT_COMPUTER_LAYERS: Layers = &[
 
 /// Folders of sources and their layers.
 const LAYERED: &[(&str, Layers)] = &[
-    ("src", &[&["passes"], &["output"], &["measure"]]),
+    ("src", &[&["passes"], &["output"]]),
     ("src/base", &[&["abort", "range"], &["load", "rng"]]),
     (
         "src/live",
@@ -101,6 +101,10 @@ const CRATES: &[(&str, &[&str])] = &[
             "protocols",
             "render",
         ],
+    ),
+    (
+        "src/measure",
+        &["base", "config", "live", "orbit", "render"],
     ),
 ];
 

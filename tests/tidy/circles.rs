@@ -8,12 +8,13 @@ use std::path::Path;
 type Uses = BTreeMap<String, BTreeSet<String>>;
 
 /// Crates: the folder of their sources.
-const CRATES: [&str; 10] = [
+const CRATES: [&str; 11] = [
     "src",
     "src/base",
     "src/config",
     "src/link",
     "src/live",
+    "src/measure",
     "src/orbit",
     "src/render",
     "protocols/src",

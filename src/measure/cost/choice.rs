@@ -33,7 +33,7 @@ pub fn best(rows: &[Row], budget_ms: f64) -> Option<Chosen<'_>> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::measure::cost::row::made;
+    use crate::cost::row::made;
 
     #[test]
     fn budget_limits_the_99th_percentile() {

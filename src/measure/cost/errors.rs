@@ -1,7 +1,7 @@
 //! Errors of a setting's frame relative to the reference: images, background, pixels.
 
 use super::setting::Setting;
-use crate::measure::rendered;
+use crate::rendered;
 use serde::Serialize;
 use skyloop_render::attitude::VehicleState;
 use skyloop_render::engine::Emulator;

@@ -2,7 +2,7 @@
 
 use super::errors::{Errors, Sums};
 use super::setting::Setting;
-use crate::measure::sample::Sample;
+use crate::sample::Sample;
 use serde::Serialize;
 use skyloop_render::fidelity::{Fidelity, Value};
 
@@ -115,7 +115,7 @@ pub(super) use tests::made;
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::measure::cost::setting::settings;
+    use crate::cost::setting::settings;
 
     /// Rows of the presets with these times (ms) and errors of pixels (e-).
     pub(crate) fn made(of: [(f64, f64); 3]) -> Vec<Row> {

@@ -98,9 +98,9 @@ fn three_digits(value: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::measure::Machine;
-    use crate::measure::cost::row::rows;
-    use crate::measure::cost::{Sums, settings};
+    use crate::Machine;
+    use crate::cost::row::rows;
+    use crate::cost::{Sums, settings};
 
     #[test]
     fn numbers_have_three_digits() {

@@ -1,8 +1,8 @@
 //! The whole step: candidates of a catalogue, visible objects, and the label's text.
 
 use super::{CATALOGUE, FRAMES, Step, WARM};
-use crate::measure::population::before;
-use crate::measure::sample::Sample;
+use crate::population::before;
+use crate::sample::Sample;
 use hifitime::Unit;
 use skyloop_base::load::ConfigError;
 use skyloop_render::effect::{area_kinds, name_of};

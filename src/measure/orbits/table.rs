@@ -1,7 +1,7 @@
 //! A report as text.
 
 use super::{MAX_BYTES, MAX_MS, Report, Scale, Step};
-use crate::measure::ratio::{Row, mark};
+use crate::ratio::{Row, mark};
 use std::fmt;
 
 impl fmt::Display for Report {
@@ -47,8 +47,8 @@ impl fmt::Display for Report {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::measure::Report as _;
-    use crate::measure::ratio::Machine;
+    use crate::Report as _;
+    use crate::ratio::Machine;
 
     #[test]
     fn missed_limits_are_marked() {
