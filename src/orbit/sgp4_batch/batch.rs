@@ -215,7 +215,7 @@ impl Batch {
             let requests: Vec<SingleObject> = requests.collect();
             let found = &mut found[..objects.len()];
             found.fill(BlockStates::NONE);
-            self.single_objects(&requests, N, found);
+            self.single_objects(&requests, found);
             for states in &*found {
                 each(std::array::from_fn(|i| states.get(i)));
             }
@@ -225,15 +225,16 @@ impl Batch {
     /// The states of the requested blocks, in that order. The states of a missing block do not
     /// change.
     pub(crate) fn blocks_requested(&self, requested: &[Requested], states: &mut [BlockStates]) {
-        self.of_kinds(requested, BLOCK, states);
+        self.of_kinds(requested, states);
     }
 
-    /// The states of single objects, each in the first `slots` of a block.
-    fn single_objects(&self, requested: &[SingleObject], slots: usize, states: &mut [BlockStates]) {
-        self.of_kinds(requested, slots, states);
+    /// The states of single objects, each in the first slots of a block.
+    fn single_objects(&self, requested: &[SingleObject], states: &mut [BlockStates]) {
+        self.of_kinds(requested, states);
     }
 
-    fn of_kinds<A: Request>(&self, requested: &[A], slots: usize, states: &mut [BlockStates]) {
+    /// Compiled in this crate alone, for both callers above.
+    fn of_kinds<A: Request>(&self, requested: &[A], states: &mut [BlockStates]) {
         let ends = self.ends();
         let kind = |requested: &A| ends.iter().filter(|end| requested.block() >= **end).count();
         let mut rest = states;
@@ -242,10 +243,10 @@ impl Batch {
             (states, rest) = rest.split_at_mut(requests.len().min(rest.len()));
             for (requests, states) in requests.chunks(CHUNK).zip(states.chunks_mut(CHUNK)) {
                 match kind(&requests[0]) {
-                    0 => self.of_kind(&self.near, 0, requests, slots, states),
-                    1 => self.of_kind(&self.deep, ends[0], requests, slots, states),
-                    2 => self.of_kind(&self.one_day, ends[1], requests, slots, states),
-                    3 => self.of_kind(&self.half_day, ends[2], requests, slots, states),
+                    0 => self.of_kind(&self.near, 0, requests, states),
+                    1 => self.of_kind(&self.deep, ends[0], requests, states),
+                    2 => self.of_kind(&self.one_day, ends[1], requests, states),
+                    3 => self.of_kind(&self.half_day, ends[2], requests, states),
                     _ => {}
                 }
             }
@@ -273,7 +274,6 @@ impl Batch {
         blocks: &[M],
         first: usize,
         requests: &[A],
-        slots: usize,
         states: &mut [BlockStates],
     ) {
         let (mut single, mut many);
@@ -289,11 +289,10 @@ impl Batch {
             blocks,
             first,
             requests,
-            slots,
             work,
         });
         self.level.run(Finish {
-            slots,
+            requests,
             work,
             states,
         });

@@ -1,8 +1,7 @@
 //! Propagates many blocks at a time. Each step is done for all of them before the next. In a single
 //! block every operation would wait for the one before.
 //!
-//! The first step depends on the kind of block and on the request; the others do not, so that they
-//! are compiled once for each level.
+//! The first step depends on the kind of block. The others do not, and are compiled once for all.
 
 use super::block::BlockStates;
 use super::lanes::{BLOCK, Part};
@@ -16,6 +15,9 @@ use pulp::{Simd, WithSimd};
 pub(crate) trait Request {
     /// The number of the block.
     fn block(&self) -> usize;
+
+    /// How many slots of the result are used.
+    fn slots(&self) -> usize;
 
     /// The perturbed mean elements.
     fn perturbed<M: Model, S: Simd>(&self, block: &M, part: Part<S>) -> Perturbed<S>;
@@ -41,6 +43,12 @@ impl Request for Requested {
         self.block
     }
 
+    // A constant: its loops have a fixed length.
+    #[inline(always)]
+    fn slots(&self) -> usize {
+        BLOCK
+    }
+
     #[inline(always)]
     fn perturbed<M: Model, S: Simd>(&self, block: &M, part: Part<S>) -> Perturbed<S> {
         block.perturbed(part, block.secular().minutes(part, self.when))
@@ -61,6 +69,11 @@ impl Request for SingleObject {
     }
 
     #[inline(always)]
+    fn slots(&self) -> usize {
+        self.instants.count
+    }
+
+    #[inline(always)]
     fn perturbed<M: Model, S: Simd>(&self, block: &M, part: Part<S>) -> Perturbed<S> {
         let part = part.broadcast(self.slot % BLOCK);
         block.perturbed(part, block.secular().minutes_to(part, &self.instants))
@@ -73,8 +86,6 @@ pub(super) struct Begin<'a, M, A> {
     /// The number of the first block.
     pub first: usize,
     pub requests: &'a [A],
-    /// How many slots of the results are used.
-    pub slots: usize,
     pub work: &'a mut [Intermediate],
 }
 
@@ -85,7 +96,7 @@ impl<M: Model, A: Request> WithSimd for Begin<'_, M, A> {
     fn with_simd<S: Simd>(self, simd: S) {
         for (request, work) in self.requests.iter().zip(self.work) {
             if let Some(block) = self.blocks.get(request.block() - self.first) {
-                for part in Part::first(simd, self.slots) {
+                for part in Part::first(simd, request.slots()) {
                     request.perturbed(block, part).long_period(part, work);
                 }
             }
@@ -94,25 +105,24 @@ impl<M: Model, A: Request> WithSimd for Begin<'_, M, A> {
 }
 
 /// The other steps: Kepler's equation and short-period terms.
-pub(super) struct Finish<'a> {
-    /// How many slots of the results are used.
-    pub slots: usize,
+pub(super) struct Finish<'a, A> {
+    pub requests: &'a [A],
     pub work: &'a mut [Intermediate],
     pub states: &'a mut [BlockStates],
 }
 
-impl WithSimd for Finish<'_> {
+impl<A: Request> WithSimd for Finish<'_, A> {
     type Output = ();
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        for work in &mut *self.work {
-            for part in Part::first(simd, self.slots) {
+        for (request, work) in self.requests.iter().zip(&mut *self.work) {
+            for part in Part::first(simd, request.slots()) {
                 work.solve(part);
             }
         }
-        for (work, states) in self.work.iter().zip(self.states) {
-            for part in Part::first(simd, self.slots) {
+        for ((request, work), states) in self.requests.iter().zip(self.work).zip(self.states) {
+            for part in Part::first(simd, request.slots()) {
                 work.state(part, states);
             }
         }

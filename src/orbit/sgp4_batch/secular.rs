@@ -35,6 +35,7 @@ impl Instant {
 /// An instant for each slot of a block.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Instants {
+    pub count: usize,
     day: Row,
     minute: Row,
 }
@@ -44,6 +45,7 @@ impl Instants {
     pub fn of(all: &[hifitime::Epoch]) -> Instants {
         let first = all.first().map_or(NO_INSTANT, |t| Instant::of(*t));
         let mut instants = Instants {
+            count: all.len(),
             day: [first.day; BLOCK],
             minute: [first.minute; BLOCK],
         };
@@ -123,7 +125,7 @@ impl Secular {
     /// Minutes from the epoch of the broadcast object to the instant of each slot.
     #[inline(always)]
     pub fn minutes_to<S: Simd>(&self, part: Part<S>, instants: &Instants) -> Lanes<S> {
-        let Instants { day, minute } = instants;
+        let Instants { day, minute, .. } = instants;
         self.since_epochs(part, part.each(day), part.each(minute))
     }
 
