@@ -345,6 +345,18 @@ fn crates_depend_downwards() {
     }
 }
 
+/// The lint must not apply to tests, so that the manifest of the workspace cannot set it.
+#[test]
+fn libraries_warn_of_disallowed_methods() {
+    let folders = LAYERED.iter().map(|(folder, _)| *folder);
+    let folders = folders.chain(CRATES.iter().map(|(folder, _)| *folder));
+    for folder in folders.filter(|folder| folder.starts_with("src")) {
+        let text = std::fs::read_to_string(root().join(folder).join("lib.rs")).unwrap();
+        let lint = "#![cfg_attr(not(test), warn(clippy::disallowed_methods))]";
+        assert!(text.contains(lint), "{folder}/lib.rs lacks {lint}");
+    }
+}
+
 #[test]
 fn the_registries_are_in_order() {
     let unique = |names: Vec<&str>| {

@@ -1,5 +1,7 @@
 //! Measured cost of effects: the time of each, and the error without it, on one frame.
 
+#![cfg_attr(not(test), warn(clippy::disallowed_methods))]
+
 mod clock;
 pub mod cost;
 pub mod frames;
