@@ -1,7 +1,8 @@
 //! Propagates many blocks at a time. Each step is done for all of them before the next. In a single
 //! block every operation would wait for the one before.
 //!
-//! The first step depends on the kind of block. The others do not, and are compiled once for all.
+//! The first step depends on the kind of block. The others do not, and are compiled once for all
+//! kinds.
 
 use super::block::BlockStates;
 use super::lanes::{BLOCK, Part};
