@@ -59,13 +59,16 @@ def ask_for_frames():
 
 
 class Frame:
-    """Its packets are numbered: 0 is the FrameHeader, then those with pixels, those with labels, and the FrameEnd."""
+    """Its packets are numbered: 0 is the FrameHeader, then those with pixels, those with labels, and the FrameEnd.
 
-    def __init__(self, body):
+    `sent` is the last number that is known to have been sent: the emulator sends pixels while it renders the rest."""
+
+    def __init__(self, body, is_late):
         (self.number, self.attitude, self.width, self.height, self.bits, self.packing, self.blocks, parts,
          length) = struct.unpack_from(">IIHHBB5xIHI", body)
         self.last = self.blocks + parts + 1
         self.missing, self.requested, self.is_written, self.tries = set(range(1, self.last + 1)), set(), False, 0
+        self.sent = self.last if is_late else 0
         self.pixels = bytearray((self.width * self.height * self.packing + 7) // 8)
         self.label = bytearray(length)
 
@@ -76,6 +79,7 @@ class Frame:
             losses["late or lost"] -= 1
             self.requested.discard(number)
         self.missing.discard(number)
+        self.sent = max(self.sent, number)
         if apid == PIXELS:  # a full block has 1368 bytes of pixels
             self.pixels[1368 * index:1368 * index + len(body) - 15] = body[15:]
         elif apid == LABELS:
@@ -83,11 +87,13 @@ class Frame:
         else:
             self.crc = struct.unpack_from(">I", body, 4)[0]
 
-    def request_missing(self):
-        losses["late or lost"] += len(self.missing - self.requested)
-        self.requested |= self.missing
+    def request_missing(self, unseen=0):
+        """Requests the packets that were sent and have not come; `unseen` were sent after the last that came."""
+        missing = {number for number in self.missing if number <= self.sent + unseen}
+        losses["late or lost"] += len(missing - self.requested)
+        self.requested |= missing
         first = last = None
-        for number in sorted(self.missing) + [1 << 30]:
+        for number in sorted(missing) + [1 << 30]:
             if first is not None and number != last + 1:
                 send(COMMAND, struct.pack(">BIII", RESEND, self.number, first, last - first + 1))
                 first = None
@@ -151,6 +157,7 @@ def run():
     whole = attitudes = newest = granted = 0
     counted = reported = 0  # frame packets that have left the emulator, by their sequence counts, and as the last Status has it
     accepted = None  # attitudes that it had accepted before
+    headless = None  # number of a frame whose FrameHeader is missing
     heard = asked = begin = said = time.monotonic()
     patience, reason = options.timeout, "no Status either: is `skyloop run` listening there?"
     ask_for_frames()
@@ -192,8 +199,8 @@ def run():
             ahead = (struct.unpack_from(">I", body, 41)[0] - reported + (1 << 31)) % (1 << 32) - (1 << 31)
             reported += max(ahead, 0)  # an older Status may come late
             accepted = total if accepted is None else accepted
-            for frame in frames.values():  # what was sent and has not come is lost
-                frame.request_missing()
+            for frame in frames.values():
+                frame.request_missing(max(reported - counted, 0))
             if not options.wall and total - accepted < attitudes:
                 send_attitude(attitudes - 1)
         if apid not in FRAME_PACKETS:
@@ -203,18 +210,21 @@ def run():
         if ahead < 8192:  # else it is an earlier packet, late or sent again
             counted, expected[apid] = counted + ahead + 1, count + 1
         if apid == HEADER and number >= newest:
-            frames[number], newest = Frame(body), number + 1
+            frames[number], newest = Frame(body, number == headless), number + 1
             for old in [old for old in frames if old < number - 1]:  # the emulator keeps the last two frames
                 missing = len(frames.pop(old).missing)
                 if missing:
                     print(f"frame {old} is lost: {missing} packets are missing", flush=True)
             if number - 1 in frames:
+                frames[number - 1].sent = frames[number - 1].last
                 frames[number - 1].request_missing()
         elif apid in (PIXELS, LABELS, END) and number in frames:
             frames[number].take(apid, body)
-        elif number >= newest and now - asked > 0.05:  # its FrameHeader is missing
-            send(COMMAND, struct.pack(">BIII", RESEND, number, 0, 1))
-            asked = now
+        elif number >= newest:
+            headless = number
+            if now - asked > 0.05:
+                send(COMMAND, struct.pack(">BIII", RESEND, number, 0, 1))
+                asked = now
         frame = frames.get(number)
         if frame and not frame.missing and not frame.is_written and frame.write():
             whole += 1

@@ -7,7 +7,7 @@ use crate::support::always;
 use crate::{EPOCH, Folder, Outcome, Q, camera, has, repository, repository_text};
 use skyloop::load::CAMERAS;
 use skyloop_protocols::MAX_PACKET;
-use skyloop_protocols::apid::FRAME_END;
+use skyloop_protocols::apid::{FRAME_END, FRAME_HEADER, LABELS, PIXEL_BLOCK, STATUS};
 use skyloop_protocols::packet::{identify, reseal};
 use std::net::UdpSocket;
 use std::path::Path;
@@ -15,6 +15,9 @@ use std::process::Command;
 
 /// The client's state, km and km/s.
 const STATE: &str = "-4340.768444,848.975278,-5362.534303,5.544406469,-3.022740430,-4.386550226";
+
+/// Bytes of a packet before its content.
+const CONTENT: usize = 15;
 
 /// The emulator of a run file whose keys before `[run]` are `keys`.
 fn emulator(here: &Folder, keys: &str, run: &str, flags: &str) -> Process {
@@ -175,9 +178,12 @@ fn tools_the_client_ends_with_a_reason_without_frames() {
     }
 }
 
-/// The address of a proxy of the emulator at `address` that changes the `pixels_crc32` of each
-/// FrameEnd (ICD, section 3.12). After ten of them it forwards nothing.
-fn corrupting_proxy(address: &str) -> String {
+/// The address of a proxy of the emulator at `address`. The client gets the packets that `change`
+/// makes of each.
+fn proxy(
+    address: &str,
+    mut change: impl FnMut(Vec<u8>) -> Vec<Vec<u8>> + Send + 'static,
+) -> String {
     let near = UdpSocket::bind("127.0.0.1:0").unwrap();
     let far = UdpSocket::bind("127.0.0.1:0").unwrap();
     far.connect(address).unwrap();
@@ -192,34 +198,74 @@ fn corrupting_proxy(address: &str) -> String {
     });
     std::thread::spawn(move || {
         let client = senders.recv().unwrap();
-        let (mut buffer, mut ends) = ([0; MAX_PACKET], 0);
-        while ends < 10
-            && let Ok(length) = far.recv(&mut buffer)
-        {
-            let packet = &mut buffer[..length];
-            if matches!(identify(packet), Some((FRAME_END, _))) {
-                // After the 15 bytes of the header and the number of the frame.
-                packet[15 + 4] ^= 1;
-                reseal(packet);
-                ends += 1;
+        let mut buffer = [0; MAX_PACKET];
+        while let Ok(length) = far.recv(&mut buffer) {
+            for packet in change(buffer[..length].to_vec()) {
+                let _ = near.send_to(&packet, client);
             }
-            let _ = near.send_to(packet, client);
         }
     });
     place
 }
 
+/// The proxy changes the `pixels_crc32` of each FrameEnd (ICD, section 3.12). After ten of them it
+/// forwards nothing.
 #[test]
 #[ignore = "tools: needs python3; tests/run all runs it"]
 fn tools_the_client_ends_if_every_pixel_checksum_is_wrong() {
     let here = Folder::new();
     let process = emulator(&here, "camera = \"fai-nir\"", "", "");
-    let address = corrupting_proxy(process.address.strip_prefix("udp://").unwrap());
+    let mut ends = 0;
+    let address = process.address.strip_prefix("udp://").unwrap();
+    let address = proxy(address, move |mut packet| {
+        if matches!(identify(&packet), Some((FRAME_END, _))) {
+            packet[CONTENT + 4] ^= 1; // after the number of the frame
+            reseal(&mut packet);
+            ends += 1;
+        }
+        if ends < 10 { vec![packet] } else { Vec::new() }
+    });
     let ended = client_at(&here, &address, "--timeout 3");
     process.end_by("-INT");
     assert_ne!(ended.code, Some(0), "{}", ended.all());
     ended.says(&["frame 0: ", "CRC-32", "(pixels_crc32), 3 times"]);
     assert!(!here.join("frame-00000.pgm").exists());
+}
+
+/// The proxy holds a frame after two blocks of pixels, as slow rendering does, until a Status comes.
+#[test]
+#[ignore = "tools: needs python3; tests/run all runs it"]
+fn tools_the_client_requests_no_packets_before_they_are_sent() {
+    let small = [("width_px", "64"), ("height_px", "64")];
+    let here = Folder::with(&[("small.toml", &camera("rigel-l", &small))]);
+    let process = emulator(&here, "camera = \"small.toml\"", "", "");
+    let (mut blocks, mut sent, mut held) = (0, 0_u32, Vec::new());
+    let address = process.address.strip_prefix("udp://").unwrap();
+    let address = proxy(address, move |mut packet| {
+        let apid = identify(&packet).unwrap().0;
+        let is_status = apid == STATUS;
+        let is_of_frame = [FRAME_HEADER, PIXEL_BLOCK, LABELS, FRAME_END].contains(&apid);
+        if blocks == 2 && is_of_frame {
+            held.push(packet);
+            return Vec::new();
+        }
+        sent += u32::from(is_of_frame);
+        blocks += u32::from(apid == PIXEL_BLOCK);
+        if is_status {
+            let packets_sent = CONTENT + 41; // ICD, section 3.4
+            packet[packets_sent..packets_sent + 4].copy_from_slice(&sent.to_be_bytes());
+            reseal(&mut packet);
+        }
+        let mut packets = vec![packet];
+        if is_status && blocks == 2 {
+            blocks += 1;
+            packets.append(&mut held);
+        }
+        packets
+    });
+    let ended = client_at(&here, &address, "").exits(0).lacks("lost");
+    process.end_by("-INT");
+    ended.says(&["64 x 64 pixels"]);
 }
 
 /// 24,000 packets a second.
