@@ -232,7 +232,8 @@ fn tools_the_client_ends_if_every_pixel_checksum_is_wrong() {
     assert!(!here.join("frame-00000.pgm").exists());
 }
 
-/// The proxy holds a frame after two blocks of pixels, as slow rendering does, until a Status comes.
+/// The proxy holds a frame after two blocks of pixels, as slow rendering does, until a Status
+/// comes.
 #[test]
 #[ignore = "tools: needs python3; tests/run all runs it"]
 fn tools_the_client_requests_no_packets_before_they_are_sent() {
