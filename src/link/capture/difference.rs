@@ -209,7 +209,9 @@ fn byte(was: &[u8], is: &[u8]) -> String {
 mod tests {
     use super::*;
     use skyloop_protocols::personality::NATIVE;
-    use skyloop_protocols::{CompressedBlock, MAX_PACKET, ObjectRecord};
+    use skyloop_protocols::{
+        CompressedBlock, LabelLevel, MAX_PACKET, Mode, ObjectRecord, Output, PixelLevel, SyncState,
+    };
 
     /// The reported difference if bit 0 of one byte of the fields was recorded inverted.
     fn difference_at(reply: &Reply<'_>, byte: usize) -> String {
@@ -221,6 +223,62 @@ mod tests {
         recorded[HEADER_LENGTH + byte] ^= 1;
         let text = first(&NATIVE, 256, &recorded, replayed).unwrap();
         format!("{}: {text}", describe(&NATIVE, replayed))
+    }
+
+    #[test]
+    fn statuses_are_compared_without_values_that_depend_on_the_run() {
+        let status = Status {
+            mode: Mode::Stepped,
+            width: 64,
+            height: 64,
+            bits: 12,
+            packing: Packing::Bits12,
+            output: Output {
+                pixels: PixelLevel::Frame,
+                labels: LabelLevel::Text,
+                window_size: 1,
+                windows: 0,
+                objects: 0,
+            },
+            exposure_s: 0.1,
+            gain_e_per_dn: 4.0,
+            frame_rate_hz: 2.0,
+            next_frame: 3,
+            packets_sent: 30,
+            sync: SyncState::Free,
+            clock_offset_s: 0.0,
+            exposure_start: WireTime::default(),
+            exposure_end: WireTime::default(),
+            timing: Timing::default(),
+            latency_p50_s: 0.0,
+            latency_p99_s: 0.0,
+            latency_max_s: 0.0,
+            withheld: Withheld::None,
+            counters: Counters::default(),
+        };
+        let encoded = |status| {
+            let mut buffer = [0; MAX_PACKET];
+            let reply = Reply::Status(status);
+            let length = (NATIVE.encode_reply)(&reply, 7, WireTime(0), &mut buffer).unwrap();
+            buffer[..length].to_vec()
+        };
+        let recorded = encoded(status);
+        let check = |change: fn(&mut Status), expected: Option<&str>| {
+            let mut replayed = status;
+            change(&mut replayed);
+            let found = first(&NATIVE, 64, &recorded, &encoded(replayed));
+            assert_eq!(found.as_deref(), expected, "{replayed:?}");
+        };
+        check(|s| s.withheld = Withheld::Lost, None);
+        check(|s| s.exposure_start = WireTime(5), None);
+        check(|s| s.exposure_end = WireTime(6), None);
+        check(|s| s.timing.last_pixel_s = 0.1, None);
+        check(|s| s.latency_p50_s = 0.1, None);
+        check(|s| s.latency_p99_s = 0.2, None);
+        check(|s| s.latency_max_s = 0.3, None);
+        check(|s| s.counters.attitudes = 3, None);
+        let text = "exposure_s: recorded 0.1, replayed 0.2";
+        check(|s| s.exposure_s = 0.2, Some(text));
     }
 
     #[test]
