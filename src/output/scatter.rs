@@ -243,5 +243,14 @@ mod tests {
             assert!(text.contains(&format!(">\n{name}\n<")), "{name}: {text}");
         }
         assert!(!text.contains(">\ne\n<"), "{text}");
+        // Dots in one place have their names side by side.
+        let place = |name| {
+            let (head, _) = text.split_once(&format!(">\n{name}\n<")).unwrap();
+            let (_, attributes) = head.rsplit_once("<text").unwrap();
+            let attributes = attributes.split(' ');
+            let place = attributes.filter(|part| part.starts_with("x=") || part.starts_with("y="));
+            place.collect::<Vec<_>>()
+        };
+        assert_ne!(place("b"), place("c"));
     }
 }
