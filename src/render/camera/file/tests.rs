@@ -1,6 +1,7 @@
 //! Faults of camera files, and agreement of the JSON Schema with the limits of the loader.
 
 use super::*;
+use rayon::prelude::*;
 use skyloop_base::load::{agree, both};
 
 /// The text of a camera file with this table for the point spread function.
@@ -238,7 +239,8 @@ fn every_fault_is_reported_independently() {
             })
         })
         .collect();
-    for chosen in singles.chain(many) {
+    let cases: Vec<_> = singles.chain(many).collect();
+    cases.par_iter().for_each(|chosen| {
         let faults = || chosen.iter().map(|one| &all[*one]);
         let mut text = base.clone();
         for Fault { from, to, .. } in faults() {
@@ -252,7 +254,7 @@ fn every_fault_is_reported_independently() {
         }
         let found = error.lines().filter(|line| !line.ends_with(" faults:"));
         assert_eq!(found.count(), reported.len(), "{chosen:?}: {error}");
-    }
+    });
 }
 
 #[test]
