@@ -176,7 +176,8 @@ fn declared_errors_are_bounds_for_random_cameras() {
 }
 
 #[test]
-fn declared_errors_are_bounds_for_more_random_cameras() {
+#[ignore = "long: half a minute; tests/run all runs it"]
+fn long_declared_errors_are_bounds_for_more_random_cameras() {
     declared_errors_are_bounds(seeds("MORE_BOUNDS", 1000..1045));
 }
 
