@@ -308,7 +308,8 @@ fn requests_are_exposures_if_a_clock_gives_the_frames() {
                 );
             }
             let of_silent = &stats.accounts[1].1;
-            assert_eq!(of_silent.withheld.contains_key("no client"), silent);
+            let has_no_client = of_silent.withheld.contains_key("no client");
+            assert_eq!(has_no_client, silent, "{clock:?}: {of_silent:?}");
             assert!(!silent || of_silent.delivered == 0);
         }
     }
