@@ -8,16 +8,13 @@ use crate::{EPOCH, Folder, Outcome, Q, camera, has, repository, repository_text}
 use skyloop::load::CAMERAS;
 use skyloop_protocols::MAX_PACKET;
 use skyloop_protocols::apid::{FRAME_END, FRAME_HEADER, LABELS, PIXEL_BLOCK, STATUS};
-use skyloop_protocols::packet::{identify, reseal};
+use skyloop_protocols::packet::{HEADER_LENGTH, identify, reseal};
 use std::net::UdpSocket;
 use std::path::Path;
 use std::process::Command;
 
 /// The client's state, km and km/s.
 const STATE: &str = "-4340.768444,848.975278,-5362.534303,5.544406469,-3.022740430,-4.386550226";
-
-/// Bytes of a packet before its content.
-const CONTENT: usize = 15;
 
 /// The emulator of a run file whose keys before `[run]` are `keys`.
 fn emulator(here: &Folder, keys: &str, run: &str, flags: &str) -> Process {
@@ -219,7 +216,7 @@ fn tools_the_client_ends_if_every_pixel_checksum_is_wrong() {
     let address = process.address.strip_prefix("udp://").unwrap();
     let address = proxy(address, move |mut packet| {
         if matches!(identify(&packet), Some((FRAME_END, _))) {
-            packet[CONTENT + 4] ^= 1; // after the number of the frame
+            packet[HEADER_LENGTH + 4] ^= 1; // after the number of the frame
             reseal(&mut packet);
             ends += 1;
         }
@@ -253,7 +250,7 @@ fn tools_the_client_requests_no_packets_before_they_are_sent() {
         sent += u32::from(is_of_frame);
         blocks += u32::from(apid == PIXEL_BLOCK);
         if is_status {
-            let packets_sent = CONTENT + 41; // ICD, section 3.4
+            let packets_sent = HEADER_LENGTH + 41; // ICD, section 3.6
             packet[packets_sent..packets_sent + 4].copy_from_slice(&sent.to_be_bytes());
             reseal(&mut packet);
         }
