@@ -79,30 +79,39 @@ fn status_reports_links_without_client_too_slow_or_unable_to_encode() {
 fn refusals_precede_missing_triggers_in_status() {
     let bad = bad_attitude(1);
     let start = later(EPOCH, f64::from(1u32 << 30));
-    for (refused, when, after_s) in [
+    let cases = [
         (Command::Attitude(bad), "before", 3),
         (Command::Trigger { number: 1, start }, "after", 0),
         (Command::Trigger { number: 1, start }, "after", 1),
-    ] {
-        let mut config = scene();
-        config.run.trigger = Trigger::Packet;
-        let (_emulator, mut client) = udp_client(config, Clock::External, 60.0);
-        if when == "after" {
-            client.point(attitude(0), EPOCH);
-            std::thread::sleep(Duration::from_secs(3));
+    ];
+    // Each mostly waits.
+    std::thread::scope(|scope| {
+        for (refused, when, after_s) in cases {
+            scope.spawn(move || refusal_precedes(&refused, when, after_s));
         }
-        // The client's time continues.
-        let time = later(EPOCH, if when == "after" { 3.0 } else { 0.0 });
-        client.send_alone(&refused, time);
-        client.nack();
-        if when == "before" {
-            client.point(attitude(0), EPOCH);
-        }
-        std::thread::sleep(Duration::from_secs(after_s));
-        let case = format!("{refused:?} {when}");
-        assert_eq!(client.status().withheld, Withheld::Refused, "{case}");
-        await_that(&case, || client.status().withheld == Withheld::NoTrigger);
+    });
+}
+
+/// A command refused "before" or "after" the first attitude, and Status `after_s` later.
+fn refusal_precedes(refused: &Command, when: &str, after_s: u64) {
+    let mut config = scene();
+    config.run.trigger = Trigger::Packet;
+    let (_emulator, mut client) = udp_client(config, Clock::External, 60.0);
+    if when == "after" {
+        client.point(attitude(0), EPOCH);
+        std::thread::sleep(Duration::from_secs(3));
     }
+    // The client's time continues.
+    let time = later(EPOCH, if when == "after" { 3.0 } else { 0.0 });
+    client.send_alone(refused, time);
+    client.nack();
+    if when == "before" {
+        client.point(attitude(0), EPOCH);
+    }
+    std::thread::sleep(Duration::from_secs(after_s));
+    let case = format!("{refused:?} {when}");
+    assert_eq!(client.status().withheld, Withheld::Refused, "{case}");
+    await_that(&case, || client.status().withheld == Withheld::NoTrigger);
 }
 
 #[test]
