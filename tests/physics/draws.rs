@@ -1,10 +1,5 @@
-//! Noise draws: all words against the normal and Poisson's distribution, and the kernels that draw
-//! for many pixels. Philox's words are tested in `src/base/rng/mod.rs`.
-
-mod drawn;
-mod runs;
-mod theory;
-mod words;
+//! Noise draws: the kernels that draw for many pixels. Single draws are tested in
+//! `src/base/tests/`.
 
 use skyloop::kernels;
 use skyloop::orbit::sgp4_batch::Level;

@@ -7,7 +7,7 @@
 //! The form is that of Giles 2010 ("Approximating the erfinv function", GPU Computing Gems, Jade
 //! ed., ch. 10): `P` is smooth, a polynomial in `w` up to 7 and in its square root beyond. The
 //! coefficients are our own minimax fits to the exact quantile (Lawson's weights, against SciPy's
-//! `ndtri`). `z` is within 7.3e-6 of the exact quantile: `tests/physics/draws/words.rs` tests every
+//! `ndtri`). `z` is within 7.3e-6 of the exact quantile: `src/base/tests/words.rs` tests every
 //! word.
 //!
 //! Products and sums are fused, except where a difference would lose digits, and no function of the

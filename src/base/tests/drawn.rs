@@ -1,8 +1,8 @@
 //! Counts of draws over all 2^32 words, measured by search or by counting, and expected.
 
-use super::runs::{ALL, Poissons, RUN, runs};
-use super::theory::Theory;
-use skyloop::rng::poisson::{Switch, poisson};
+use crate::runs::{ALL, Poissons, RUN, runs};
+use crate::theory::Theory;
+use skyloop_base::rng::poisson::{Switch, poisson};
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
 /// The word at a position in (0, 1), counted in parts of 2^-32.

@@ -2,8 +2,8 @@
 
 use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
-use skyloop::rng::normal::normal;
-use skyloop::rng::poisson::expanded;
+use skyloop_base::rng::normal::normal;
+use skyloop_base::rng::poisson::expanded;
 
 pub const ALL: f64 = 4_294_967_296.0;
 /// Words per run, and per thread at a time.

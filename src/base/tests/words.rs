@@ -1,11 +1,11 @@
 //! Draws of all 2^32 words, counted: the error of the normal draw, the tails of both distributions,
 //! and the distance from Poisson's.
 
-use super::drawn::{Drawn, word_at};
-use super::runs::{ALL, RUN, runs};
+use crate::drawn::{Drawn, word_at};
+use crate::runs::{ALL, RUN, runs};
 use pulp::{Simd, WithSimd};
-use skyloop::rng::normal::{normal, uniform_of};
-use skyloop::rng::poisson::{Switch, expanded, poisson};
+use skyloop_base::rng::normal::{normal, uniform_of};
+use skyloop_base::rng::poisson::{Switch, expanded, poisson};
 use std::sync::LazyLock;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
@@ -110,7 +110,7 @@ fn every_words_normal_draw_is_its_quantile() {
     let worst = f64::from_bits(worst.into_inner());
     println!("off by {worst:.2e}");
     assert!(worst > WITHIN - 1e-7, "{worst:e}");
-    for document in [FRAMES, include_str!("../../../src/base/rng/normal.rs")] {
+    for document in [FRAMES, include_str!("../rng/normal.rs")] {
         assert!(document.contains(&format!("within {WITHIN:e} of the exact quantile")));
     }
     for tail in tails {

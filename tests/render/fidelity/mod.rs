@@ -161,7 +161,7 @@ fn long_bounds_hold_and_are_near_the_truth() {
     assert!(wrong.is_empty(), "{wrong}");
 }
 
-/// Tolerances without an error per scene, measured in tests/physics/draws.
+/// Tolerances without an error per scene, measured in src/base/tests/words.rs.
 const ELSEWHERE: &[&str] = &["poisson_tv"];
 
 #[test]

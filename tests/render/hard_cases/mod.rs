@@ -14,7 +14,7 @@
 //! | magnitudes -30 to +40 | `brightness` |
 //! | PSF sigma 0.01 to 100 px | `brightness`; other profiles against GalSim and integration: `tests/physics/optics/psf.rs` |
 //! | the costliest exposures, turns, spreads and particles under a limit of work | `work` |
-//! | Poisson means 0 to 10^9 | all words: `tests/physics/draws`; digits against theory: `tests/physics/noise.rs` |
+//! | Poisson means 0 to 10^9 | all words: `src/base/tests`; digits against theory: `tests/physics/noise.rs` |
 //! | full well, converter and 16-bit saturation | `charge`; with noise: `tests/physics/noise.rs`, blooming: `tests/physics/detector` |
 //! | grazing penumbra | `near`; against rays on the ellipsoid, contact: `tests/physics/shadow.rs` |
 //! | leap seconds, years 1950 to 2100 | `time`; a century of SGP4: `src/orbit/tests/batch_edges.rs`; epochs beyond the series: `tests/physics/apparent.rs` |
