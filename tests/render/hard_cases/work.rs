@@ -212,7 +212,7 @@ const SENSITIVE: &str = "timing.exposure_s = 1.0; \
 #[test]
 #[ignore = "timed: tests/run all runs it alone; cargo test -- --ignored timed_"]
 fn timed_a_cancelled_frame_ends_soon() {
-    const PARTS: u32 = 16;
+    const PARTS: u32 = 12;
     for corner in LARGE {
         let name = corner.0;
         let (mut emulator, vehicle) = stage(corner, Fidelity::REALTIME);
