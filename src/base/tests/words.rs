@@ -157,8 +157,7 @@ fn expanded_at(mean: f32) -> f64 {
 }
 
 #[test]
-#[ignore = "long: minutes of work; tests/run all runs it"]
-fn long_draws_are_as_near_poisson_as_the_switch_says() {
+fn draws_are_as_near_poisson_as_the_switch_says() {
     // The expansion is least accurate where it begins.
     let cases = [(1e-4, 12.0, 5e6), (6e-5, 16.0, TWO_20), (5e-4, 6.0, 5e6)];
     for (variation_is, begins, to) in cases {
@@ -186,8 +185,7 @@ fn long_draws_are_as_near_poisson_as_the_switch_says() {
 /// The neglected third term matters most below the mean: 12 e- are less than four standard
 /// deviations from zero.
 #[test]
-#[ignore = "long: minutes of work; tests/run all runs it"]
-fn long_expansions_have_poissons_tails() {
+fn expansions_have_poissons_tails() {
     for drawn in EXPANDED.iter().filter(|drawn| drawn.mean >= 12.0) {
         let mean = f64::from(drawn.mean);
         for sigmas in [-5.0, -4.0, -3.0, 3.0, 4.0, 5.0] {
@@ -207,8 +205,7 @@ fn long_expansions_have_poissons_tails() {
 /// Reference: the same expansion in double precision, which resolves single electrons at these
 /// means.
 #[test]
-#[ignore = "long: minutes of work; tests/run all runs it"]
-fn long_single_precision_bounds_draws_of_large_means() {
+fn single_precision_bounds_draws_of_large_means() {
     // Below 2^24 e- (9 sigma above the last mean) single precision holds each whole number; beyond,
     // draws are multiples of 2, 4, ... e-.
     for (mean, within) in [(TWO_20, 6e-5), (5e6, 1e-4), (1.67e7, 2e-4)] {
@@ -255,8 +252,7 @@ fn searches_are_exact() {
 }
 
 #[test]
-#[ignore = "long: minutes of work; tests/run all runs it"]
-fn long_documented_distances_are_measured() {
+fn documented_distances_are_measured() {
     let head = "| mean, e- | total-variation distance |\n|---|---|\n";
     let (_, table) = FRAMES.split_once(head).unwrap();
     let rows = table.lines().take_while(|row| row.starts_with('|'));
