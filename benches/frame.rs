@@ -16,7 +16,8 @@ fn main() -> std::process::ExitCode {
     support::report::<Report>(&[against_rand_distr()])
 }
 
-/// Noise of the best level against a Poisson and a normal draw of `rand_distr` per pixel.
+/// Noise with the best vector instructions, against a Poisson and a normal draw of `rand_distr` per
+/// pixel.
 fn against_rand_distr() -> Row {
     let mut random = SmallRng::seed_from_u64(1);
     let against = "rand_distr, a pixel at a time";

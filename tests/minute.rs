@@ -30,8 +30,8 @@ fn long_a_minute_over_every_wire_equals_the_minute_in_memory() {
                 let flight = run(link, "windows", "");
                 compare(&flight, windows);
                 assert_eq!(flight.report.frames, MINUTE.frames);
-                // The fastest frame: its exposure adds some ms, and a late thread may catch up 1
-                // ms.
+                // The shortest frame interval: the exposure adds some ms to the airtime, and a
+                // late thread may catch up 1 ms.
                 let ratio = flight.shortest.as_secs_f64() / flight.windows_airtime().as_secs_f64();
                 assert!((0.97..1.5).contains(&ratio), "{link}: {ratio}");
             })

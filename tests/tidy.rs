@@ -1,5 +1,5 @@
-//! Rules for the code: imports point down, dependencies stay in their rooms, the registries are in
-//! order, files are short, nothing panics.
+//! Rules for the code: modules import from lower layers only, dependencies are used in the listed
+//! modules only, the registries are in order, files are short, nothing panics.
 
 #[path = "tidy/circles.rs"]
 mod circles;
@@ -14,7 +14,7 @@ use skyloop_protocols::personality::PERSONALITIES;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
-/// The modules of a crate; each imports from lines above its own only.
+/// The layers of a crate, lowest first: their modules import from earlier layers only.
 type Layers = &'static [&'static [&'static str]];
 
 const RENDER_LAYERS: Layers = &[
@@ -108,9 +108,9 @@ const CRATES: &[(&str, &[&str])] = &[
     ),
 ];
 
-/// A path, and the files or modules below `src/` that may name it. Manifests fence whole crates.
+/// A path, and the files or modules below `src/` that may use it. Manifests restrict whole crates.
 const FENCES: &[(&str, &[&str])] = &[
-    // Only the ends of the corridor know the wire.
+    // In `render`, only `attitude` uses the wire protocol.
     (
         "skyloop_protocols::",
         &["cli", "config", "link", "live", "render/attitude"],
@@ -131,7 +131,7 @@ const FENCES: &[(&str, &[&str])] = &[
         ],
     ),
     ("thread_priority::", &["live/realtime/linux"]),
-    // Not `std::os::unix::`.
+    // With `use`, so that `std::os::unix::` does not match.
     ("use nix::", &["live/host"]),
     (
         "sofars::",
@@ -156,7 +156,7 @@ const FENCES: &[(&str, &[&str])] = &[
     ),
     // `config/run` reads an address; the others open sockets.
     ("std::net::", &["config/run", "link/udp", "live/metrics"]),
-    // The binary alone reports; the library says what is wrong in types.
+    // Only the command line uses `anyhow`; the libraries have error types.
     ("anyhow::", &["cli"]),
     ("clap::", &["cli", "main"]),
     ("clap_complete::", &["cli/shell"]),
@@ -172,7 +172,7 @@ fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
 }
 
-/// Every file below `folder`, without what is built or written by runs.
+/// Every file below `folder`, without the products of builds and runs.
 fn files(folder: &Path) -> Vec<PathBuf> {
     let entries = std::fs::read_dir(folder).unwrap();
     let mut paths: Vec<PathBuf> = entries.map(|entry| entry.unwrap().path()).collect();
@@ -204,7 +204,7 @@ fn name(path: &Path) -> String {
     path.strip_prefix(root()).unwrap().display().to_string()
 }
 
-/// The code of a source file: no comments, nothing from its unit tests on.
+/// The code of a source file up to its unit tests, without comments.
 fn code(path: &Path) -> String {
     let text = std::fs::read_to_string(path).unwrap();
     let ends = ["#[cfg(test)]", "#[cfg(all(test"]
@@ -217,14 +217,14 @@ fn code(path: &Path) -> String {
     lines.map(|line| format!("{line}\n")).collect()
 }
 
-/// The sources of the emulator, without the orbits: `render/sky/apparent` and its code.
+/// Paths (such as `render/sky/apparent`) and code of the emulator's sources, without `orbit`.
 fn sources() -> Vec<(String, String)> {
     let mut all = sources_in("src");
     all.retain(|(file, _)| !belongs(file, "orbit"));
     all
 }
 
-/// Whether a file has tests alone, or what they use.
+/// Whether a file has only tests or their helpers.
 fn is_test(path: &Path) -> bool {
     let inside = path.strip_prefix(root()).unwrap();
     (inside.iter()).any(|part| part == "tests" || part == "tests.rs")
@@ -267,12 +267,12 @@ fn point_down(folder: &str, layers: Layers) {
     let mut wrong = Vec::new();
     for (file, code) in sources_in(folder) {
         let module = file.split('/').next().unwrap();
-        // Command line, head of the crate, and the crates inside `src`.
+        // Files without a layer: the command line, `lib.rs`, and the crates inside `src`.
         if !layer.contains_key(module) {
             continue;
         }
         for piece in code.split("crate::").skip(1) {
-            // `use crate::{a, b}` gives no name here, which no layer has: a line for each module.
+            // `use crate::{a, b}` gives an empty name and is refused: each module needs a `use`.
             let used: String = piece
                 .chars()
                 .take_while(|c| c.is_alphanumeric() || *c == '_')
@@ -351,7 +351,7 @@ fn crates_depend_downwards() {
     }
 }
 
-/// The lint must not apply to tests, so that the manifest of the workspace cannot set it.
+/// The lint must not apply to tests, so the manifest of the workspace cannot set it.
 #[test]
 fn libraries_warn_of_disallowed_methods() {
     let folders = LAYERED.iter().map(|(folder, _)| *folder);
@@ -445,7 +445,7 @@ fn files_are_short() {
     }
 }
 
-/// Outside of tests nothing may stop the program: what comes from outside is refused with an error.
+/// Outside of tests nothing may panic: invalid input is refused with an error.
 #[test]
 fn nothing_panics_on_purpose() {
     let panics = [
@@ -473,7 +473,7 @@ fn nothing_panics_on_purpose() {
     }
 }
 
-/// Serde's arrays of fixed length do not see what is given beyond it; `load`'s `Fixed` does.
+/// Serde's arrays of fixed length ignore surplus elements; `Fixed` of `load` refuses them.
 #[test]
 fn arrays_in_files_are_counted() {
     let mut found = 0;

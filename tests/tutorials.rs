@@ -1,8 +1,8 @@
 //! The tutorials of `docs/tutorials`, run as they are written.
 //!
-//! Of a fenced block the first line says what it is: `file=NAME` is saved, `sh` is run by bash and
-//! must succeed, `sh fails` must fail, and of `text expected` each line must be in what the last
-//! command printed (`...` stands for any text).
+//! The text after an opening fence sets the use of the block. `file=NAME` is saved. `sh` is run by
+//! bash and must succeed; `sh fails` must fail. Each line of `text expected` must be in the output
+//! of the last command (`...` stands for any text).
 #![cfg(target_os = "linux")]
 
 use std::net::UdpSocket;

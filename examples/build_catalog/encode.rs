@@ -41,7 +41,7 @@ fn unit(value: f64, unit: f64, min: i32, max: i32) -> Result<i32> {
     Ok(scaled as i32)
 }
 
-/// `names.tsv`: one line for each HR that has a name, or that is a name of another HR's entry.
+/// `names.tsv`: one line for each HR that has a name, or whose entry is that of another HR.
 pub fn names(
     bsc: &[Bsc],
     matching: &Matching,

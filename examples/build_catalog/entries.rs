@@ -52,9 +52,9 @@ pub struct Tally {
     pub v_origins: BTreeMap<VOrigin, usize>,
     /// Counts of B-V: measured, from V-I, median.
     pub colours: [usize; 3],
-    /// Omitted shadows without their own V: HIP, Hp.
+    /// Omitted entries without a V, whose Hp is a neighbour's light: HIP, Hp.
     pub dropped: Vec<(u32, f64)>,
-    /// Entries with V from Hp against the BSC: HR, HIP, V of the BSC, V.
+    /// Entries whose V from Hp disagrees with the BSC: HR, HIP, V of the BSC, V from Hp.
     pub disagree: Vec<(u16, u32, f64, f64)>,
     pub negative_parallaxes: usize,
 }

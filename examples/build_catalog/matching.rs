@@ -7,12 +7,12 @@ use std::collections::BTreeMap;
 
 const ARCSEC: f64 = std::f64::consts::PI / 648_000.0;
 
-/// Largest distance between a Bright Star and its entry: 61 Cygni A is 16 arcsec from its position
-/// in the BSC, the companion sigma Ori E 29 arcsec from the next entry.
+/// Largest distance between a Bright Star and its entry. It is above the 16 arcsec of 61 Cygni A
+/// from its position in the BSC, and below the 29 arcsec of sigma Ori E from the nearest entry.
 const SAME_ARCSEC: f64 = 20.0;
-/// Largest distance at which a second Bright Star is a name of the entry.
+/// Largest distance at which a further Bright Star becomes another name of the entry.
 const NAME_ARCSEC: f64 = 25.0;
-/// Distance from which Hipparcos separated companions: their light may be missing in the entry.
+/// Distance from which Hipparcos resolves companions: the entry may lack their light.
 const APART_ARCSEC: f64 = 10.0;
 /// Largest distance at which an entry's light can reach the photometer at another one (field of 38
 /// arcsec).
@@ -70,9 +70,9 @@ fn arcsec(a: &Vector3<f64>, b: &Vector3<f64>) -> f64 {
 
 /// Entries whose Hp is mixed with that of a neighbouring entry.
 pub struct Blends {
-    /// For each entry, whether its Hp has light of a neighbour's entry, or the reverse.
+    /// For each entry, whether its Hp includes light of a neighbouring entry, or the reverse.
     pub mixed: Vec<bool>,
-    /// The fainter of the two, whose Hp may be nearly all the neighbour's.
+    /// For each entry, whether it is the fainter of such a pair: its Hp may be its neighbour's.
     pub shadow: Vec<bool>,
 }
 
@@ -110,7 +110,7 @@ impl Blends {
 pub struct Matching {
     /// Entry to its Bright Stars, the principal one (brightest, then lowest HR) first.
     pub groups: BTreeMap<usize, Vec<usize>>,
-    /// Bright Stars with their own light and no entry: far from any entry, or excluded by its flux.
+    /// Bright Stars that need their own entry: far from any entry, or too bright to be part of one.
     pub alone: Vec<(usize, Why)>,
     /// Distance of each one-to-one pair, arcsec.
     pub distances: Vec<f64>,
@@ -125,8 +125,8 @@ pub enum Why {
 }
 
 impl Matching {
-    /// Makes one-to-one pairs in order of distance and difference in magnitude, then names, then
-    /// exclusions.
+    /// First pairs stars and entries one to one, in order of distance and difference in magnitude.
+    /// Then adds further stars as names, and removes those that the flux of the entry excludes.
     pub fn new(
         stars: &[Hip],
         bsc: &[Bsc],
@@ -137,7 +137,7 @@ impl Matching {
         let mut pairs = Vec::new();
         for (b, bright) in bsc.iter().enumerate() {
             for (distance, k) in neighbours.near(&bright.direction, SAME_ARCSEC) {
-                // Units are the BSC's positional error, and a typical difference of close pairs.
+                // Scales: the BSC's positional error, and a typical difference of close pairs, mag.
                 let cost = distance / 2.0 + (bright.v - to_v.v(&stars[k])).abs() / 0.3;
                 pairs.push((cost, b, k, distance));
             }

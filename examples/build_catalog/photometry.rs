@@ -6,12 +6,12 @@ use nalgebra::{SMatrix, SVector};
 /// Degree of the polynomial in V-I plus one.
 const TERMS: usize = 6;
 
-/// Reddest V-I of the stars that calibrate.
+/// Reddest V-I of the calibration stars.
 const CALIBRATED: f64 = 3.6;
-/// Range of the polynomial; it is constant below.
+/// V-I range of the polynomial; below it the value at its lower end is used.
 const V_I_RANGE: (f64, f64) = (-0.3, 3.0);
-/// Slope of V-Hp beyond, mag per mag of V-I, up to V-I = 5.6. It is from V in the Hipparcos
-/// catalogue of 1997 for 45 red stars with V-I from 4.2 to 5.5.
+/// Slope of V-Hp above that range, mag per mag of V-I, up to V-I = 5.6. It is from V in the
+/// Hipparcos catalogue of 1997 for 45 red stars with V-I from 4.2 to 5.5.
 const RED_SLOPE: f64 = 0.46;
 const REDDEST: f64 = 5.6;
 
@@ -52,9 +52,9 @@ impl VFromHp {
         terms.map(|(c, x)| c * x).sum()
     }
 
-    /// Largest difference (mag) between V of the Bright Star Catalogue and V by Hp that colour
-    /// explains: five times the rms, and three times as much where V-I is beyond the constant stars
-    /// or missing.
+    /// Largest difference (mag) between V of the Bright Star Catalogue and V from Hp that colour
+    /// explains. It is five times the rms, and three times as much where V-I is missing, or redder
+    /// than that of constant stars.
     pub fn tolerance(&self, star: &Hip) -> f64 {
         if star.has_colour() && star.v_i <= 2.0 {
             0.1
@@ -108,7 +108,7 @@ fn powers(v_i: f64) -> [f64; TERMS] {
     std::array::from_fn(|k| (v_i.max(V_I_RANGE.0) - 1.0).powi(k as i32))
 }
 
-/// Largest error of a measured B-V, mag; larger ones mark estimates in steps of 0.1 mag.
+/// Largest error of a measured B-V, mag; a larger one marks an estimate in steps of 0.1 mag.
 pub const B_V_ERROR_LIMIT: f64 = 0.2;
 
 /// B-V as a function of V-I: medians of well measured stars in bins of 0.1 mag.

@@ -12,8 +12,8 @@ pub const TO_J2000_YR: f64 = 8.75;
 /// One row of `hip2.dat` (van Leeuwen 2007, "Hipparcos, the New Reduction of the Raw Data").
 pub struct Hip {
     pub hip: u32,
-    /// Kind of the new solution: 10 d + s, where d = 1 or 5 is a double star and 9 one of several
-    /// entries.
+    /// Solution type of the new reduction: 10 d + s, where d = 1 or 5 is a double star and 9 one of
+    /// several entries.
     pub solution: u32,
     /// Number of components in the entry.
     pub components: u32,

@@ -14,7 +14,7 @@ use skyloop::load::Folder;
 use skyloop::orbit::StateVector;
 use std::error::Error;
 
-/// Columns and rows of the section in the middle of a frame.
+/// Columns and rows of the square that is cut from the middle of a frame.
 const SIDE: usize = 96;
 
 /// Both sides of a picture as PNG.
@@ -124,7 +124,7 @@ fn side_by_side(frames: &[Vec<f64>; 2], picture: &Picture) -> GrayImage {
     image
 }
 
-/// Draws straight lines through a lens: a grid with lines 12 px apart for a pinhole.
+/// Draws the image of a grid of straight lines, which are 12 px apart in a pinhole camera.
 fn draw_grid(image: &mut GrayImage, side: usize, optics: &Optics, projection: &Projection) {
     const APART_PX: f64 = 12.0;
     const LEVEL: u8 = 90;
@@ -149,8 +149,8 @@ fn draw_grid(image: &mut GrayImage, side: usize, optics: &Optics, projection: &P
     }
 }
 
-/// Draws the electrons of the row with the fullest pixel along the lower edge. The right side also
-/// has those of the left.
+/// Plots the electrons of the row with the fullest pixel, along the lower edge. The right side also
+/// has the plot of the left side.
 fn draw_profiles(image: &mut GrayImage, frames: &[Vec<f64>; 2], full_e: f64) {
     const HEIGHT: f64 = 100.0;
     const OTHER: u8 = 120;

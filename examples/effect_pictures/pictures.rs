@@ -12,7 +12,7 @@ pub struct Picture {
     pub observer: [f64; 6],
     /// Effects that run on both sides.
     pub others: &'static [&'static str],
-    /// Electrons of black and white.
+    /// Electrons of a black pixel and of a white pixel.
     pub levels_e: [f64; 2],
     /// Greys between them.
     pub tone: Tone,

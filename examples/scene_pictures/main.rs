@@ -15,13 +15,13 @@ use std::path::Path;
 
 /// Largest width of a picture.
 const WIDEST_PX: usize = 512;
-/// Softening: greys follow asinh of this times the light between black and white.
+/// Greys follow asinh(SOFT x), where x is the light, 0 at black and 1 at white.
 const SOFT: f64 = 5.0;
 /// Smallest range from black to white, DN.
 const MIN_DN: f64 = 20.0;
-/// Scenes with light over the whole field, where black is no charge.
+/// Scenes with light over the whole field; in their pictures, black is the offset of the detector.
 const FULL: &[&str] = &["earth-by-day"];
-/// The frame of a scene, where it is not the first.
+/// Scenes whose picture is not of their first frame, and the number of the frame.
 const FRAMES: &[(&str, u32)] = &[
     ("near-sun", 3),
     ("rcm-2019-06-15", 20),

@@ -26,7 +26,7 @@ const SEED: u64 = 1;
 pub struct Took {
     /// Number of images.
     pub images: u32,
-    /// From loading the scene to the camera with its sky, s.
+    /// Time to load the scene and to prepare camera and sky, s.
     pub ready_s: f64,
     /// From the first image's attitude to the last file written, s.
     pub total_s: f64,
@@ -75,7 +75,7 @@ fn start(config: &Config) -> anyhow::Result<VehicleState> {
 }
 
 /// The built-in scene with another population, and its first attitude for all images. Its orbit
-/// file has a minute, so the orbit is propagated from the first image on.
+/// file covers one minute, so the orbit is propagated from the first image on.
 fn scene(objects: &[Object], images: u32) -> anyhow::Result<Config> {
     let mut config = Config::builtin()?;
     let VehicleState {

@@ -88,7 +88,7 @@ fn head(args: &Args, objects: usize) -> String {
     )
 }
 
-/// A sequence with the published ones of its length, or with all where there is none.
+/// Rows of a sequence and of the published ones with its length, or of all if there are none.
 fn rows(took: &Took) -> String {
     let images = took.images;
     let each_s = took.total_s / f64::from(images);

@@ -1,8 +1,8 @@
 //! Background level and noise, measured in tiles from the pixels alone.
 //!
-//! Each tile takes the median and the median absolute deviation, which stars do not change. Then it
-//! takes mean and standard deviation of the values within three sigma, for fractions of a DN. The
-//! level is bilinear between tile centres and extrapolated linearly to the frame's edge.
+//! For each tile, the median and the median absolute deviation give a first estimate, which stars
+//! hardly change. Mean and standard deviation of the values within three sigma resolve fractions of
+//! a DN. The level is bilinear between tile centres and extrapolated linearly to the frame's edge.
 
 use crate::image::Image;
 

@@ -5,9 +5,9 @@
 //! 2. The signal is smoothed by the binomial kernel [1 2 1]/4 along both axes (close to the PSF, so
 //!    faint stars gain most) and compared with `threshold` times its noise. 8-connected pixels
 //!    above it form one blob, unless they have distinct peaks (`blobs.rs`).
-//! 3. A plain moment over thresholded pixels is biased towards pixel centres, and noisy over more
-//!    pixels. So the moment is weighted by a Gaussian window of the blob's size, which moves with
-//!    the centroid until it converges.
+//! 3. A plain moment over the pixels above the threshold is biased towards pixel centres. Over more
+//!    pixels it is noisy. So the moment is weighted by a Gaussian window of the blob's size, which
+//!    moves with the centroid until it converges.
 
 use crate::blobs::{Blob, Blobs};
 use crate::image::Image;
@@ -46,7 +46,7 @@ pub struct Detection {
     pub pixels: usize,
     /// The blob, grown by two pixels, leaves the frame.
     pub edge: bool,
-    /// A pixel reached 95 % of full scale, so near it that the full well may have cut light off.
+    /// A pixel reached 95 % of full scale, where the full well may have clipped the signal.
     pub saturated: bool,
 }
 
@@ -257,11 +257,11 @@ struct Window {
 }
 
 impl Window {
-    /// Somewhat larger than the blob, because the pixels above the threshold lack the wings.
+    /// A window somewhat larger than the blob: the pixels above the threshold lack the wings.
     ///
     /// Against background noise the best window is as wide as the star. A star dominated by shot
     /// noise (`shot`: its fraction of the variance in the brightest pixel) is best weighted evenly.
-    /// The wider window also samples better.
+    /// The wider window is also less sensitive to pixel sampling.
     fn of_blob(blob: &Moments, shot: f64) -> Self {
         /// Variance added, px^2: for the wings, and for bright stars.
         const WINGS: f64 = 0.3;

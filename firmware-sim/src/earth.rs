@@ -10,7 +10,7 @@ pub(crate) const EQUATOR_M: f64 = 6_378_137.0;
 const FLATTENING: f64 = 1.0 / 298.257_223_563;
 /// Polar radius of the WGS84 ellipsoid, m.
 pub(crate) const POLE_M: f64 = EQUATOR_M * (1.0 - FLATTENING);
-/// Square of its eccentricity.
+/// Square of the ellipsoid's first eccentricity.
 const E2: f64 = FLATTENING * (2.0 - FLATTENING);
 
 #[derive(Clone, Copy, Debug)]

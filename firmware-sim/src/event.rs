@@ -72,7 +72,7 @@ pub enum Event<'a> {
         labels: Option<&'a str>,
         /// Detections against labels, if the labels can be read.
         score: Option<&'a Score>,
-        /// Attitude sent to last pixel block received, if the attitude is known.
+        /// From the sending of the attitude to the last pixel block, if the attitude is known.
         latency: Option<Duration>,
     },
     /// A frame is lost.

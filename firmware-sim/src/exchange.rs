@@ -43,8 +43,8 @@ pub(crate) enum Answer {
     Stopped,
 }
 
-/// Waits between copies of a command, because command and reply may be lost. The last copy is late,
-/// when the emulator may have released a dead client.
+/// Waits after the copies of a command: command or reply may be lost. The last copy is sent late,
+/// because the emulator may have released an earlier, silent client by then.
 fn waits(timeout: Duration) -> [Duration; 5] {
     const SIXTEENTHS: [u32; 5] = [1, 2, 4, 5, 4];
     SIXTEENTHS.map(|share| timeout * share / 16)

@@ -11,7 +11,7 @@ pub struct Image<'a> {
     pub height: usize,
     /// DN, row by row, `width * height` values.
     pub pixels: &'a [u16],
-    /// Electrons a DN.
+    /// Gain, e-/DN.
     pub gain_e_per_dn: f64,
     /// DN without light.
     pub offset_dn: f64,

@@ -18,7 +18,7 @@ pub(crate) struct Joiner {
     wanted: Roles,
     waiting: VecDeque<Half>,
     done: VecDeque<(u32, WireTime)>,
-    /// Frames and parts received before over another link.
+    /// Frames and parts already received over another link.
     pub(crate) duplicates: u64,
     /// Frames with one part only, and contradictory parts.
     pub(crate) incomplete: u64,

@@ -269,7 +269,7 @@ impl Links {
                         Incoming::Frame(Box::new(frame))
                     }
                     Ok(None) => {
-                        // Not even the header of the other part may have arrived.
+                        // Even the header of the other part may be missing.
                         for end in &mut self.ends {
                             if self.joiner.lacks(number, end.brings) {
                                 end.exchange.assembler.expect_header(number);
@@ -349,7 +349,7 @@ impl Links {
         silent.map(|end| Cause::Silent { link: end.named() })
     }
 
-    /// Pixels were requested, but no link has the role for them at both ends.
+    /// The cause, if pixels were requested but no link has the role for them at both ends.
     pub(crate) fn without_pixels(&self, frames: u32) -> Option<Cause> {
         let what = match self.output?.pixels {
             PixelLevel::None => return None,

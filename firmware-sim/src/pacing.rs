@@ -78,8 +78,8 @@ impl Pacing {
         self.target().wrapping_sub(self.granted) >= enough
     }
 
-    /// Takes the emulator's counter from a `Status`: packets sent and not received are lost, or
-    /// requested. Returns whether it changes the state.
+    /// Takes the count of sent packets from a `Status`. Packets sent and not received count as
+    /// missing. Returns whether this changes the state.
     ///
     /// This frees a link after the loss of a whole window, which leaves no gap.
     pub(crate) fn rebase(&mut self, packets_sent: u32) -> bool {

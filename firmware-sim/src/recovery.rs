@@ -1,9 +1,9 @@
 //! Timing of requests for missing packets; the reassembly finds the packets.
 //!
-//! A packet is missing when it has not followed a later one soon. The wait depends on the mean
-//! packet interval, so that slow lines get no requests for packets in flight. After a silence,
+//! A packet counts as missing if it has not arrived soon after a later one. The wait depends on the
+//! mean packet interval, so that slow lines get no requests for packets in flight. After a silence,
 //! packets after the last one may be lost or queued. The emulator then gets a Ping; its Status is
-//! sent after the queued packets. Packets that have not arrived before it are missing.
+//! sent after the queued packets. Packets that have not arrived before the Status are missing.
 
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
@@ -15,7 +15,7 @@ const RUNS: usize = 8;
 /// Minimum wait for a packet after a later one: it may be reordered.
 const LATE: Duration = Duration::from_millis(30);
 const SILENCE: Duration = Duration::from_millis(50);
-/// The same while the packet interval is unknown.
+/// Minimum silence before a round while the packet interval is unknown.
 const FIRST_SILENCE: Duration = Duration::from_millis(300);
 /// Maximum number of doublings of the silence between rounds.
 const MAX_DOUBLINGS: u32 = 5;
@@ -86,7 +86,7 @@ impl Recovery {
         self.last_packet
     }
 
-    /// Interval of frame packets, on a slow or shared line.
+    /// Interval of frame packets: the measured mean, at least the transmission time.
     pub(crate) fn spacing(&self) -> Duration {
         self.spacing.unwrap_or_default().max(self.airtime)
     }

@@ -52,7 +52,7 @@ pub struct Report {
     pub refused: u32,
     /// Complete frames received too late to count.
     pub late: u32,
-    /// Attitude sent to last pixel block received.
+    /// Times from the sending of an attitude to the last pixel block of its frame.
     pub latencies: Times,
     /// Times reported by the emulator.
     pub timings: Timings,

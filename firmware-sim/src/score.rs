@@ -89,7 +89,7 @@ pub struct Match {
     pub dx_px: f64,
     /// Detected minus labelled, along rows, px.
     pub dy_px: f64,
-    /// Without another label nearby.
+    /// Whether the labels nearby have little light compared with it.
     pub isolated: bool,
     /// Whether its brightest pixel is near full scale.
     pub saturated: bool,

@@ -96,7 +96,7 @@ impl SerialPort {
         })
     }
 
-    /// A blocked line is not gone.
+    /// The error of a send or receive. A time-out means that the line is blocked, not gone.
     fn failed(&self, what: &'static str, source: io::Error) -> PortError {
         if source.kind() == ErrorKind::TimedOut {
             return PortError::io(&self.link, what, source);

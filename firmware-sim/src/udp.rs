@@ -60,8 +60,8 @@ impl UdpPort {
                 let mut datagrams = Datagrams::of(&socket)?;
                 window = window_of(datagrams.request_buffer(RECEIVE_BUFFER));
                 datagrams.join();
-                // Longer than any packet, so that overlong packets are refused as such, and
-                // joined datagrams fit.
+                // Longer than any packet, so that an overlong packet is read whole and refused,
+                // and joined datagrams fit.
                 let mut buffer = vec![0; 1 << 16];
                 let answering = socket;
                 Reader::start("skyloop-fc udp", move |sink| {
@@ -73,7 +73,7 @@ impl UdpPort {
                     // An empty datagram is a packet too.
                     for packet in bytes.chunks(datagram.each.max(1)) {
                         if is_challenge(packet) {
-                            // A lost challenge is repeated.
+                            // If this reply is lost, the emulator repeats the Challenge.
                             let _ = answering.send(packet);
                         } else {
                             sink.take(packet);
@@ -96,7 +96,7 @@ impl UdpPort {
     }
 }
 
-/// Requested receive buffer, bytes; space of a datagram in it; and the largest window.
+/// Requested receive buffer and a datagram's space in it, bytes; the largest window, packets.
 const RECEIVE_BUFFER: usize = 4 << 20;
 const DATAGRAM_SPACE: usize = 2304;
 const MAX_WINDOW: u32 = 512;

@@ -1,7 +1,7 @@
 //! The two checksums. They run over every pixel byte, so they must be fast.
 //!
-//! Both are table-driven, sixteen bytes a step ("slicing-by-16"; Kounavis and Berry 2008, IEEE
-//! Transactions on Computers 57, 1550). [`crc16`] first folds longer data into a block of 128
+//! Both are table-driven, sixteen bytes per step ("slicing-by-16"; Kounavis and Berry 2008, IEEE
+//! Transactions on Computers 57, 1550). [`crc16`] first folds longer data into one block of 128
 //! bytes, without a table.
 //!
 //! - [`crc16`]: CRC-16/CCITT-FALSE, the packet error control of CCSDS 132.0-B and ECSS-E-ST-70-41:

@@ -35,8 +35,8 @@ impl CreditAccount {
     /// Applies the number of a `Credit` command. Ignores one behind an earlier grant (a late
     /// datagram).
     ///
-    /// Returns false for any other number that is not 0 to 2^31 - 1 ahead of the packets sent; it
-    /// has no effect.
+    /// Returns false for any other number that is not 0 to 2^31 - 1 ahead of the packets sent. Such
+    /// a number has no effect.
     pub fn grant(&mut self, packets: u32) -> bool {
         let mut earlier = self.granted.into_iter();
         let is_late = earlier.any(|granted| !is_ahead(packets, granted));

@@ -21,7 +21,7 @@ impl FaultKind {
         ("bus_off", FaultKind::BusOff),
     ];
 
-    /// Whether its value is on or off. While on, nothing passes.
+    /// Whether its value switches the fault on or off. While it is on, no packet passes.
     pub fn is_switch(self) -> bool {
         matches!(self, FaultKind::Stuck | FaultKind::Down | FaultKind::BusOff)
     }

@@ -3,7 +3,7 @@
 pub use crate::generated::codes::{LabelLevel, PixelLevel};
 pub use crate::generated::commands::{Output, Positions};
 
-/// Largest number of columns and rows of a window: one of 16-bit pixels fits a packet.
+/// Largest number of columns and rows of a window: such a window of 16-bit pixels fits a packet.
 pub const MAX_WINDOW: u8 = 25;
 /// Largest number of listed positions.
 pub const MAX_POSITIONS: usize = 64;

@@ -31,8 +31,8 @@ pub const fn pixels_per_block(packing: Packing) -> usize {
     }
 }
 
-/// Bytes of `count` packed pixels: 12-bit pixels take three bytes a pair, an odd last one two;
-/// 16-bit pixels take two each.
+/// Bytes of `count` packed pixels. A pair of 12-bit pixels takes three bytes, an odd last one two;
+/// each 16-bit pixel takes two.
 pub const fn packed_length(packing: Packing, count: usize) -> usize {
     match packing {
         Packing::Bits12 => count / 2 * 3 + count % 2 * 2,
@@ -45,23 +45,23 @@ pub const fn window_length(packing: Packing, size: u8) -> usize {
     4 + packed_length(packing, size as usize * size as usize)
 }
 
-/// Windows of `size` columns and rows in a full `Windows` packet; 0 above
+/// Number of windows of `size` columns and rows in a full `Windows` packet; 0 above
 /// [`MAX_WINDOW`](crate::output::MAX_WINDOW).
 pub const fn windows_per_block(packing: Packing, size: u8) -> usize {
     (MAX_PAYLOAD - WindowBlock::FIELDS_LENGTH) / window_length(packing, size)
 }
 
-/// Parts of `objects` records.
+/// Number of parts for `objects` records.
 pub const fn object_parts(objects: u16) -> u16 {
     objects.div_ceil(OBJECTS_PER_PART as u16)
 }
 
-/// Blocks of a frame with `pixels` pixels.
+/// Number of blocks of a frame with `pixels` pixels.
 pub const fn blocks_in_frame(pixels: u32, packing: Packing) -> u32 {
     pixels.div_ceil(pixels_per_block(packing) as u32)
 }
 
-/// Parts of a label text with `bytes` bytes; `None` if their number exceeds 16 bits.
+/// Number of parts of a label text with `bytes` bytes; `None` if it exceeds 16 bits.
 pub const fn label_parts(bytes: u32) -> Option<u16> {
     match bytes.div_ceil(LABEL_TEXT_PER_PART as u32) {
         parts @ 0..=0xFFFF => Some(parts as u16),

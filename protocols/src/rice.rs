@@ -5,7 +5,7 @@
 //! option: split samples with `k` low bits, or no compression. The two low-entropy options are not
 //! used. A packet starts with a reference sample and is one reference interval, so any decoder of
 //! the standard reads it. Its last block is filled up with mapped samples 0, its last byte with
-//! bits 0.
+//! zero bits.
 //!
 //! Bits of a pixel in a flat field with Gaussian noise of sigma (DN):
 //!
@@ -25,8 +25,9 @@ pub const BLOCK: usize = 16;
 /// Compresses as many pixels as fit `out`, in whole blocks or to the last pixel. Returns the number
 /// of pixels and of bytes.
 ///
-/// 1368 bytes hold at least 672 pixels of any content. A pixel above `bits` ends the packet before
-/// its block. The result is `(0, 0)` if that is the first block, or if `bits` is not 1 to 16.
+/// 1368 bytes hold at least 672 pixels of any content. A pixel of more than `bits` bits ends the
+/// packet before its block. The result is `(0, 0)` if that is the first block, or if `bits` is not
+/// 1 to 16.
 pub fn encode(pixels: &[u16], bits: u8, out: &mut [u8]) -> (usize, usize) {
     let Some(coder) = Coder::new(bits) else {
         return (0, 0);
@@ -65,7 +66,7 @@ pub fn encode(pixels: &[u16], bits: u8, out: &mut [u8]) -> (usize, usize) {
 /// Decompresses one packet into `pixels`.
 ///
 /// # Errors
-/// The bytes are not exactly so many pixels.
+/// The bytes are not exactly as many pixels as `pixels` has.
 pub fn decode(data: &[u8], bits: u8, pixels: &mut [u16]) -> Result<(), DecodeError> {
     let coder = Coder::new(bits).ok_or(corrupt("must have pixels of 1 to 16 bits"))?;
     let mut reader = BitReader { data, at: 0 };
@@ -137,7 +138,8 @@ impl Coder {
         (1 << self.id_bits) - 1
     }
 
-    /// The prediction error mapper: errors of alternating sign, then of the only possible sign.
+    /// The prediction error mapper: small errors of either sign alternate; larger ones can have
+    /// only one sign.
     fn map(&self, predicted: u16, pixel: u16) -> u16 {
         let side = predicted.min(self.max - predicted);
         let error = pixel.abs_diff(predicted);
@@ -213,7 +215,7 @@ impl BitWriter<'_> {
         }
     }
 
-    /// Writes so many bits 0, then a 1. The bytes are 0 already.
+    /// Writes `zeros` bits 0, then a 1. The bytes are 0 already.
     fn unary(&mut self, zeros: u16) {
         self.at += usize::from(zeros);
         self.put(1, 1);
@@ -247,7 +249,7 @@ impl BitReader<'_> {
         value as u32
     }
 
-    /// The number of zeros before the next 1, limited to 2^16: no sample has so many.
+    /// The number of zeros before the next 1, limited to 2^16: every sample is smaller.
     fn unary(&mut self) -> u32 {
         let mut count = 0;
         while self.peek() >> 7 == 0 && count < 1 << 16 {

@@ -45,7 +45,7 @@ impl GapDetector {
     /// Number of packets with this APID that are missing just before this one.
     ///
     /// The first packet sets the start. A step back of up to half the range is a late or repeated
-    /// packet and counts as 0. A larger jump ahead is indistinguishable from it.
+    /// packet and counts as 0. A jump ahead of half the range or more also counts as 0.
     pub fn missing(&mut self, apid: u16, sequence_count: u16) -> u16 {
         let Some(expected) = apid::index(apid).and_then(|row| self.0.get_mut(row)) else {
             return 0;

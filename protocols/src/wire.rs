@@ -70,7 +70,7 @@ impl<'a> Reader<'a> {
         from_code(self.u8()?).ok_or(DecodeError::BadValue { field, rule })
     }
 
-    /// Reads flags, at most those of `all`, whose set bits are the lowest.
+    /// Reads flags and refuses those that are not in `all`, whose set bits are the lowest.
     pub fn flags(
         &mut self,
         all: u8,

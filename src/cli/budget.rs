@@ -22,7 +22,7 @@ pub(super) struct Budget {
     budget_ms: Option<f64>,
 }
 
-/// Measured frames, and limits of the measurement.
+/// Number of measured frames, and limits of the measurement.
 pub(super) const FRAMES: u32 = 3;
 const EFFORT: Effort = Effort {
     rounds: 101,
@@ -58,7 +58,7 @@ impl Budget {
         });
         bar.finish_and_clear();
         let report = match measured {
-            // The run that follows ends immediately.
+            // `stop` also ends the run that follows.
             Err(Unmeasured::Stopped) => return Ok(String::new()),
             measured => measured?,
         };
@@ -115,7 +115,7 @@ fn in_file(chosen: &Chosen<'_>) -> String {
     }
 }
 
-/// Typical states if the pointing is unknown: along the six axes, at rest, now.
+/// States for a measurement with unknown pointing: along the six axes, at rest, now.
 pub(super) fn around() -> anyhow::Result<Vec<VehicleState>> {
     say(format_args!(
         "--budget-ms: no [sequence] says where the client will be: measured from the Earth's centre along the six axes, at rest\n"

@@ -96,7 +96,7 @@ impl Records {
         Ok(())
     }
 
-    /// The same for lines about records, without a scene.
+    /// As [`Records::settle`], for refused records that belong to no scene.
     pub fn settle_lines(&self, rejected: &[String]) -> anyhow::Result<()> {
         let mut lines: Vec<String> = rejected.iter().take(NAMED).cloned().collect();
         if let Some(others @ 1..) = rejected.len().checked_sub(NAMED) {

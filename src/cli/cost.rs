@@ -118,7 +118,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// At most `max` frames of a mission, spread over it.
+/// The states of at most `max` frames, spread evenly over a mission.
 pub(super) fn spread(mission: &Mission, max: u32) -> anyhow::Result<Vec<VehicleState>> {
     let count = max.min(mission.frames);
     let last = u64::from(mission.frames.saturating_sub(1));
@@ -131,7 +131,7 @@ pub(super) fn spread(mission: &Mission, max: u32) -> anyhow::Result<Vec<VehicleS
 }
 
 fn plot(report: &Report, scene: &str, budget_ms: Option<f64>) -> Scatter {
-    // Settings that differ from a preset only by chance need no name.
+    // A setting with the errors of a preset needs no name, unless the line joins it.
     let presets = || report.rows.iter().filter(|row| row.tolerance.is_none());
     let is_named = |row: &Row| {
         row.tolerance.is_none() || row.is_front || !presets().any(|preset| preset.is_alike(row))

@@ -49,7 +49,7 @@ impl Choice {
     /// Opens the files, without changes before [`Instruments::begin`]. `force` accepts files that
     /// skyloop did not write.
     pub fn prepare(&self, links: &[String], force: bool) -> anyhow::Result<Instruments> {
-        // Without the fault file: a replay does not need it.
+        // Listed before the fault file is read: a replay does not need that file.
         let inputs = inputs();
         let buses: Vec<bool> = links.iter().map(|link| link::is_bus(link)).collect();
         let plan = match &self.faults {
@@ -85,7 +85,7 @@ fn unwritten(file: &Path, why: &std::io::Error) -> anyhow::Error {
     anyhow!("--fault-log {}: {why}{}", path_text(file), remedy_of(why))
 }
 
-/// The settings of a run in addition to its files, for recordings.
+/// The settings of a run that are not in its files, for recordings.
 pub fn settings(output: Output, emulator: &Emulator) -> Vec<(String, String)> {
     let level = (output.pixels, output.labels);
     let level = Output::PRESETS
@@ -180,14 +180,14 @@ pub fn both(first: Option<Error>, second: Option<Error>) -> Option<Error> {
     }
 }
 
-/// Whether a recording has CAN frames: if the only link is a bus. Else it has packets.
+/// Whether a recording holds CAN frames and not packets: the only link is a CAN bus.
 fn records_frames(buses: &[bool]) -> bool {
     buses == [true]
 }
 
 impl Instruments {
-    /// The instruments between a CAN bus and its link. The recording is next to the emulator, so it
-    /// has exactly the received frames.
+    /// The instruments between a CAN bus and its link. The recorder is between the faults and the
+    /// emulator, so it records exactly the frames that the emulator receives.
     pub fn bus(&self) -> BusInstruments {
         let faults = self.faults.clone();
         let capture = self.capture.as_ref();
@@ -214,7 +214,7 @@ impl Instruments {
         }
     }
 
-    /// Puts the instruments around the open links, except at a bus.
+    /// Adds the instruments to the open links, except those of [`bus`](Self::bus).
     pub fn around(&self, links: Vec<(Wire, Roles)>) -> Result<Vec<(Wire, Roles)>, LinkError> {
         let mut around = Vec::with_capacity(links.len());
         for (number, ((mut wire, roles), on_bus)) in (0..).zip(links.into_iter().zip(&self.buses)) {
@@ -233,7 +233,7 @@ impl Instruments {
         Ok(around)
     }
 
-    /// Begins the files, and replaces earlier ones. Everything else has been checked before.
+    /// Starts the files, and replaces earlier ones. Call it after all other checks.
     pub fn begin(&mut self, settings: Vec<(String, String)>) -> anyhow::Result<()> {
         if let Some((file, output)) = &mut self.log {
             output.begin().map_err(|why| unwritten(file, &why))?;

@@ -133,8 +133,8 @@ fn causes(points: &[Point]) -> String {
     counts.collect::<Vec<_>>().join(", ")
 }
 
-/// The remedy if an ephemeris ends after these points. An instant needs half an exposure on both
-/// sides.
+/// The remedy if the ephemeris ends after `points`. Each instant needs the orbit for half an
+/// exposure before and after it.
 fn remedy(error: &NoLightCurve, span: &Span, points: &[Point]) -> String {
     if !matches!(
         error,

@@ -28,7 +28,7 @@ pub fn help(config: &Config, address: Option<&str>) -> anyhow::Result<Help> {
         "run.metrics"
     };
     let address = address.or(run.metrics.as_deref());
-    // First, because the metrics thread does not run in real time.
+    // Started first, so that the metrics thread does not inherit the real-time settings.
     let metrics = match address {
         None => None,
         Some(address) => {
@@ -62,7 +62,7 @@ pub fn link_options(run: &Run, bus: Option<BusInstruments>) -> link::Options {
     }
 }
 
-/// Errors: the run file has a link that cannot be opened on any system, with file and key.
+/// Errors: a link of the run file cannot be opened on any system; the error names file and key.
 pub fn check_links(config: &Config, file: &Path) -> anyhow::Result<()> {
     let file = path_text(file);
     link::check_all(&config.run.links).with_context(|| format!("{file}: run.link"))?;

@@ -66,7 +66,7 @@ pub struct Args {
     budget: Budget,
 }
 
-/// Frames waiting for the writer; beyond, the emulator waits.
+/// Maximum number of frames that wait for the writer; then the emulator waits.
 const WRITE_QUEUE: usize = 8;
 
 /// Time without a frame after which a link that a fault has stopped counts as failed.
@@ -217,9 +217,9 @@ fn exchange(
     let mut stopped = None;
     let (report, served, written) = std::thread::scope(|scope| {
         let emulator = scope.spawn(|| {
-            // The flight computer closes the link after its frames, and reports any other end.
+            // The flight computer closes the link after its frames, and reports other causes.
             let ended = server.run(&stop, None, |exposed| {
-                // A failed writer has dropped its end; its error is reported below.
+                // The channel is closed only if the writer has failed, which is reported below.
                 let _ = exposed_frames.send(exposed.clone());
             });
             drop(exposed_frames);
@@ -289,8 +289,8 @@ fn stopped_by(stop: &Stop, link: &str) -> Error {
     )
 }
 
-/// Errors: the run was interrupted, or frames did not arrive. The count is that of the verdict on
-/// the frames.
+/// Errors: the run was interrupted, or frames did not arrive. The number of frames in the error is
+/// the same as in the verdict.
 fn came_whole(report: &Report, interrupted: &AtomicBool) -> anyhow::Result<()> {
     let all = counted(report.requested as usize, "frame");
     if interrupted.load(Ordering::Relaxed) {
@@ -303,8 +303,8 @@ fn came_whole(report: &Report, interrupted: &AtomicBool) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// The report of a run that injected faults may have ended, and an error about them; any other
-/// error is returned.
+/// If faults were injected that may have ended the run: its report, and an error that names them.
+/// Any other error is returned.
 fn blamed(
     error: RunError,
     faults: Option<String>,

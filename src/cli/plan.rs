@@ -65,9 +65,9 @@ struct Tolerances {
 struct Line {
     #[serde(flatten)]
     verdict: EffectLabel,
-    /// Whether its errors are rms, of a random effect.
+    /// Whether its errors are rms values, because the effect is random.
     rms: bool,
-    /// Whether errors in px decide.
+    /// Whether its error in px, and not in e-, decides whether the effect runs.
     #[serde(skip)]
     by_px: bool,
     #[serde(skip_serializing_if = "Option::is_none")]

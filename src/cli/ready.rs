@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 #[derive(Serialize)]
 pub struct Ready<'a> {
     pub pid: u32,
-    /// Addresses of the first camera, with the ports and names from the system.
+    /// Addresses of the first camera, with the ports and names that the system assigned.
     pub links: Vec<String>,
     /// Further cameras.
     #[serde(rename = "heads")]
@@ -91,7 +91,7 @@ impl ReadyFile {
 impl Drop for ReadyFile {
     fn drop(&mut self) {
         if let Some(part) = &self.part {
-            // The error that left it is reported.
+            // The error that prevented publication is reported.
             let _ = std::fs::remove_file(part);
         } else if let Err(error) = std::fs::remove_file(&self.file) {
             let shown = path_text(&self.file);

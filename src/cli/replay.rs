@@ -36,8 +36,8 @@ pub struct Args {
     timeout: Duration,
 }
 
-/// An emulator idle for this long does not reach the recorded state. It gives a frame up after 2 s
-/// without room.
+/// Idle time of the emulator after which the replay fails. It is longer than the 2 s after which
+/// the emulator drops a frame whose packets are not taken.
 const SILENCE: Duration = Duration::from_secs(10);
 
 fn seconds(text: &str) -> Result<Duration, String> {
@@ -95,7 +95,7 @@ pub fn run(args: Args, verbose: bool) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// The replayed recording, in a line.
+/// A line of text about the recording.
 ///
 /// Errors: nothing was received or sent in the recording.
 fn has_both_directions(args: &Args, recording: &Recording, gaps: &str) -> anyhow::Result<String> {
@@ -201,7 +201,7 @@ fn list(progress: &Progress) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Possible causes of a difference, if the recording has its origin.
+/// The possible cause of a difference. `differences`: none if the recording lacks its origin.
 fn hint(args: &Args, differences: Option<&[String]>) -> String {
     match (differences, &args.config, &args.scene) {
         (Some([]), ..) => "files and settings are those of the recording: has the recording itself been changed, or was it made by \
@@ -219,7 +219,7 @@ fn whole_of(progress: &Progress) -> usize {
     progress.frames.iter().filter(|frame| frame.whole).count()
 }
 
-/// Frames that a recording made on the bus cannot compare.
+/// Text about the frames that cannot be compared, in a recording made on a CAN bus.
 fn gaps(recording: &Recording) -> String {
     let mut text = String::new();
     if recording.torn > 0 {

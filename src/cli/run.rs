@@ -93,7 +93,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     };
     let (config, cameras) = session.live(links, warm_up.as_ref(), &help)?;
     let mut ready = ready_file(&args, &config, &cameras, help.metrics_address())?;
-    // The last step that may fail: earlier files are replaced here.
+    // After all other checks, because it replaces earlier files.
     instruments.begin(recorded)?;
     let (_, error) = instruments.finish_after(|instruments| {
         warn_of_rates(&config);
@@ -209,7 +209,7 @@ struct Served {
     gone: String,
     stats: RunStats,
     counters: Counters,
-    /// In the order of the run file.
+    /// Further cameras, in the order of the run file.
     cameras: Vec<(RunStats, Counters)>,
 }
 
@@ -342,7 +342,7 @@ fn ended_in_time(args: &Args, cut: Option<Cut>, sent: u32) -> anyhow::Result<()>
     }
 }
 
-/// Warns of rates of further cameras whose frames follow packets.
+/// Warns of rates of further cameras that have no effect with the stepped clock.
 fn warn_of_rates(config: &Config) {
     let request = frame_request(&config.run).filter(|_| config.run.clock == Clock::Stepped);
     for head in config.cameras.iter().filter(|head| head.has_own_rate) {

@@ -37,7 +37,7 @@ pub fn configure(
 /// An emulator and its configuration, before it is connected to links.
 pub struct Session {
     pub config: Config,
-    /// Number of configured objects, which are now in the emulator.
+    /// Number of configured objects, which were moved into the emulator.
     pub objects: usize,
     pub emulator: Emulator,
 }
@@ -73,7 +73,7 @@ impl Session {
         })
     }
 
-    /// The settings in addition to the files, for recordings.
+    /// The settings of the run that are not in its files, for recordings.
     pub fn settings(&self) -> Vec<(String, String)> {
         instruments::settings(self.config.run.output, &self.emulator)
     }
@@ -85,8 +85,8 @@ impl Session {
         (self.config, server)
     }
 
-    /// Connects each camera to its links, with the clock of the run file. If the vehicle is known
-    /// at the start (`warm_up`), each camera renders a frame of it beforehand.
+    /// Connects each camera to its links, with the clock of the run file. If the vehicle's state is
+    /// known at the start (`warm_up`), each camera first renders a frame of it.
     pub fn live(
         self,
         links: Vec<Links>,

@@ -136,7 +136,7 @@ pub fn mission(config: &Config) -> Result<Mission, FlightError> {
         let vehicle = vehicle(&mission, number)?;
         shutter(&vehicle, &Exposure::around(vehicle.epoch, open_s))?;
     }
-    // Orbits may have gaps; a propagated state has none, and takes longer with every frame.
+    // Only the orbit of an object can have gaps. Propagation of a state to every frame is slow.
     let may_lack = matches!(config.observer, Some(Observer::Object(_)));
     for number in 0..mission.frames {
         let epoch = mission.epoch(number);
@@ -162,7 +162,7 @@ const BELOW_MOON: f64 = 3.5e8;
 /// checked otherwise: against the radius of the Earth's pole (`attitude::check_orbit`) before their
 /// time is known, and against the Moon at that time (`scene::shutter`).
 fn above_ground(observer: &Observer, mission: &Mission) -> Result<(), FlightError> {
-    // Propagated from frame to frame; from the first frame each would take longer.
+    // Propagated from frame to frame: propagation from the first one would take ever longer.
     let mut drifting = match observer {
         Observer::State(state) => Some(*state),
         Observer::Object(_) => None,
@@ -248,7 +248,7 @@ impl Flight {
     }
 }
 
-/// The orbit of an observer; a state holds at the epoch `at`.
+/// The orbit of an observer; `at` is the epoch of a state.
 pub fn orbit(observer: &Observer, at: Epoch) -> OrbitSource {
     match observer {
         Observer::Object(object) => orbit_of((**object).clone()),

@@ -313,7 +313,7 @@ impl Raw {
     }
 }
 
-/// Effects that make the pixel values.
+/// Effects that cannot be switched off, since they make the pixel values.
 const ALWAYS_ON: &[&str] = &["readout"];
 
 fn can_be_off() -> Vec<&'static str> {

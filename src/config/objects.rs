@@ -174,7 +174,7 @@ struct Entries {
     findings: Findings,
 }
 
-/// The entry of a population file that gave a source.
+/// The entry of a population file that a source comes from.
 struct Origin {
     entry: usize,
     key: String,

@@ -230,8 +230,8 @@ fn metrics_form() -> String {
     format!(r"^({port}|{part}(\.{part}){{3}}:{port}|\[({groups})\]:{port}){END}")
 }
 
-/// The address of `run.metrics`. IPv6 addresses have no zone and groups only. A port alone is that
-/// of 127.0.0.1.
+/// The address of `run.metrics`. IPv6 addresses have no zone and no IPv4 part. A port alone is a
+/// port of 127.0.0.1.
 pub fn metrics_address(text: &str) -> Option<SocketAddr> {
     if text.contains(['+', '%']) || (text.starts_with('[') && text.contains('.')) {
         return None;
@@ -452,7 +452,7 @@ fn listening(text: String, check: &Check) -> Result<String, ConfigError> {
     }
 }
 
-/// The system checks later whether the processors exist.
+/// Processor numbers; the system checks later whether the processors exist.
 fn processors(numbers: &[i64], check: &Check) -> Result<Vec<usize>, ConfigError> {
     let number = |(i, number): (usize, &i64)| {
         let key = format!("run.cpus[{i}]");

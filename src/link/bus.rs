@@ -21,7 +21,7 @@ use std::time::Instant;
 /// Settings of a loopback bus at `place`: by default FD at the highest rates.
 ///
 /// # Errors
-/// An option of the URL is wrong; the reason.
+/// The reason why an option of the URL is invalid.
 pub(super) fn loopback_settings(url: &Address, place: &str) -> Result<Settings, String> {
     let mut settings = Settings::new(place);
     (settings.rates.bitrate, settings.rates.load) = (1_000_000, 1.0);

@@ -79,12 +79,12 @@ pub fn open_further(urls: &[String], options: &Options) -> Result<Vec<(Wire, Rol
     open_each(&with_further_roles(urls)?, options)
 }
 
-/// Errors: those of [`open_all`] that are known without opening.
+/// Checks `urls` as [`open_all`] does before it opens a link.
 pub fn check_all(urls: &[String]) -> Result<(), LinkError> {
     with_roles(urls).map(drop)
 }
 
-/// Errors: those of [`open_further`] that are known without opening.
+/// Checks `urls` as [`open_further`] does before it opens a link.
 pub fn check_further(urls: &[String]) -> Result<(), LinkError> {
     with_further_roles(urls).map(drop)
 }

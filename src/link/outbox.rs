@@ -40,7 +40,7 @@ pub trait Outbox: Send {
     /// Queues `item`; returns it if the queue is full. Fails only by [`LinkError::Closed`].
     fn offer(&mut self, item: Outbound) -> Result<Option<Outbound>, LinkError>;
 
-    /// Errors: faults of this kind cannot be switched live; reason and remedy.
+    /// Checks that clients can switch faults of this kind; the error has reason and remedy.
     fn injects(&self, _: FaultKind) -> Result<(), Cow<'static, str>> {
         Err(NO_FAULTS.into())
     }
@@ -56,7 +56,7 @@ pub(super) struct QueueOutbox {
     address: String,
     /// Whether clients can replace each other; else releases are ignored.
     pub releases: bool,
-    /// Errors: faults of a kind cannot be switched live; reason and remedy.
+    /// Checks that clients can switch faults of a kind; the error has reason and remedy.
     pub injects: fn(FaultKind) -> Result<(), &'static str>,
     /// Called after each item, and when the emulator closes its end.
     pub wake: Box<dyn Fn() + Send>,

@@ -87,8 +87,8 @@ impl Pseudo {
         }
     }
 
-    /// Reads the received bytes, waiting at most `wait`. For a single thread: it detects when
-    /// clients open and close.
+    /// Reads the received bytes, waiting at most `wait`. Only one thread may call it, since it
+    /// detects when clients open and close.
     pub fn receive(&self, buffer: &mut [u8], wait: Duration) -> io::Result<MasterRead> {
         let master = lock(&self.state).master.clone();
         let mut waited = false;
@@ -214,7 +214,7 @@ fn reset(master: &OwnedFd, device: &str) -> io::Result<()> {
     let flags = OFlags::RDWR | OFlags::NOCTTY | OFlags::NONBLOCK | OFlags::CLOEXEC;
     let other = rustix::fs::open(device, flags, Mode::empty())?;
     ioctl_tiocnxcl(&other)?;
-    // Bytes in transit, then the arrived ones. Bytes written by the client remain.
+    // Flushes bytes in transit, then those that have arrived. Bytes written by the client remain.
     tcflush(master, QueueSelector::OFlush)?;
     tcflush(&other, QueueSelector::IFlush)?;
     make_raw(&other)

@@ -60,7 +60,7 @@ fn open_pseudo(url: String, name: Option<&Path>) -> Result<Pseudo, LinkError> {
     Pseudo::open(name).map_err(|source| LinkError::Refused { url, source })
 }
 
-/// `last`: no other client follows the first one.
+/// Starts the threads of the link. `last`: no other client follows the first one.
 fn start(url: &Address, pseudo: Pseudo, baud: u32, last: bool) -> Result<Wire, LinkError> {
     let address = format!("pty://{}?baud={baud}", pseudo.name());
     let pseudo = Arc::new(pseudo);

@@ -17,7 +17,7 @@ pub enum FaultEffect {
     Loses,
 }
 
-/// The same as counted by the faults.
+/// Counters of the fault injection, from which a [`FaultEffect`] follows.
 #[derive(Debug, Default)]
 struct FaultCounters {
     /// Whether packets are held back now.
@@ -156,7 +156,7 @@ impl Tally {
         self.awaits_proof.load(Ordering::Relaxed)
     }
 
-    /// Sets whether it must.
+    /// Sets whether the client must prove its address.
     pub(super) fn await_proof(&self, awaits: bool) {
         self.awaits_proof.store(awaits, Ordering::Relaxed);
     }
@@ -260,8 +260,8 @@ pub fn standstill_timeout(airtime: Option<&Airtime>, min: Duration) -> Duration 
 }
 
 impl Standstill {
-    /// Ends when nothing has left for `timeout`, and on a slow line that still moves after three
-    /// times that.
+    /// Ends when nothing has left for `timeout`. On a slow line that still sends, ends after three
+    /// times `timeout`.
     pub fn of(tally: &Arc<Tally>, timeout: Duration) -> Standstill {
         Standstill {
             tally: tally.clone(),

@@ -80,13 +80,13 @@ impl TxComplete {
         self.queued.fetch_add(1, Ordering::SeqCst);
     }
 
-    /// Takes back the last `queued`: the packet was refused. For the thread that queues and marks.
+    /// Takes back the last `queued`. Only the thread that queues and marks may call it.
     pub(super) fn refused(&self) {
         self.queued.fetch_sub(1, Ordering::SeqCst);
     }
 
-    /// Offers a packet to a further queue, which counts it if `is_taken`, so that it counts once. A
-    /// mark set meanwhile is one packet early.
+    /// Offers a queued packet to a further queue, which counts it too. So its first count is taken
+    /// back, unless it is refused. A mark set meanwhile is one packet early.
     pub(super) fn forward<T>(
         &self,
         offer: impl FnOnce() -> T,

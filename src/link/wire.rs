@@ -98,7 +98,7 @@ impl Wire {
                 self.address
             );
         }
-        // Instruments around the link now close it, and the link removes its name.
+        // The threads now end and close the link, which removes its name: wait for them briefly.
         let given_up = Instant::now();
         while !sender.is_finished() && given_up.elapsed() < END_WAIT {
             std::thread::sleep(Duration::from_millis(1));

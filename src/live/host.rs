@@ -1,5 +1,5 @@
-//! Load of the machine during a run, from Linux' `/proc` and `/sys`: a late frame may be the host's
-//! fault. Unreadable values are unknown.
+//! Load of the machine during a run, from Linux' `/proc` and `/sys`: other load can make frames
+//! late. A value that cannot be read is unknown.
 
 mod memory;
 
@@ -31,7 +31,7 @@ struct MachineTime {
     stolen: u64,
 }
 
-/// How often the threads of this process gave up a processor.
+/// Context switches of the threads of this process.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct Switches {
     voluntary: u64,
@@ -94,17 +94,17 @@ impl Host {
 pub struct HostReport {
     /// The processor, as the system calls it.
     pub processor: String,
-    /// How many the machine has; this process may have fewer.
+    /// Number of processors of the machine; this process may be restricted to fewer.
     pub processors: Option<usize>,
     /// The release of the kernel.
     pub kernel: Option<String>,
     /// The frequency governor, such as `performance`; `none` if there is none.
     pub governor: Option<String>,
-    /// The time, s.
+    /// Length of the interval, s.
     pub seconds: f64,
     /// Mean number of runnable threads over the last minute.
     pub load_1_min: Option<f64>,
-    /// Over the last five.
+    /// Mean number of runnable threads over the last five minutes.
     pub load_5_min: Option<f64>,
     /// How often a thread of this process blocked.
     pub voluntary_switches: Option<u64>,
@@ -115,7 +115,7 @@ pub struct HostReport {
     /// Share of other programs and the kernel. Ticks of 10 ms make it coarse for runs of a few
     /// seconds.
     pub others: Option<f64>,
-    /// Share that the hypervisor has taken.
+    /// Share taken by the hypervisor (steal time).
     pub stolen: Option<f64>,
 }
 
@@ -177,8 +177,8 @@ pub fn load() -> Option<[f64; 2]> {
     Some([values.next()?.ok()?, values.next()?.ok()?])
 }
 
-/// The frequency governors of the processors in a folder: `performance`, `none`, or each with its
-/// number.
+/// The frequency governor of the processors in a folder: `performance`, `none`, or, if they differ,
+/// each governor with its number of processors.
 fn governor(folder: &Path) -> Option<String> {
     let entries = std::fs::read_dir(folder).ok()?;
     let mut counts = std::collections::BTreeMap::<String, usize>::new();
@@ -203,7 +203,7 @@ fn governor(folder: &Path) -> Option<String> {
     }
 }
 
-/// The times in `/proc/stat`: its first line and how many processors follow.
+/// The times in the first line of `/proc/stat`, and the number of processors in the lines after it.
 fn machine_time(text: &str) -> Option<MachineTime> {
     let mut lines = text.lines();
     let mut words = lines.next()?.split_whitespace();
@@ -211,7 +211,7 @@ fn machine_time(text: &str) -> Option<MachineTime> {
         return None;
     }
     let ticks: Vec<u64> = words.map(str::parse).collect::<Result<_, _>>().ok()?;
-    // The first two include the time of guests.
+    // `user` and `nice` include the time of guests, which later columns repeat.
     let [user, nice, system, idle, wait, irq, soft_irq, stolen] = *ticks.first_chunk::<8>()?;
     let sum = |ticks: &[u64]| ticks.iter().copied().fold(0, u64::saturating_add);
     let busy = sum(&[user, nice, system, irq, soft_irq]);

@@ -40,7 +40,7 @@ pub struct Snapshot {
     pub attitude_age_s: Option<f64>,
     /// First instant, middle and last instant of the last frame's exposure, s since 1970, UTC.
     pub exposure_s: Option<[f64; 3]>,
-    /// The client's clock less ours, s.
+    /// The client's clock minus this machine's, s.
     pub clock_offset_s: Option<f64>,
     /// Synchronization state, as its code on the wire.
     pub sync: Option<u8>,
@@ -106,7 +106,7 @@ pub struct Metrics {
 }
 
 impl Metrics {
-    /// For a further camera.
+    /// Metrics of a further camera.
     #[must_use]
     pub fn of_head(name: &str) -> Self {
         Self {
@@ -127,7 +127,7 @@ impl Metrics {
     fn last(&self) -> Arc<Snapshot> {
         match self.slot.lock() {
             Ok(slot) => Arc::clone(&slot),
-            // An assignment cannot be left half done.
+            // The lock guards only an assignment, so the value is valid after a panic, too.
             Err(poisoned) => Arc::clone(&poisoned.into_inner()),
         }
     }
@@ -137,7 +137,7 @@ impl Metrics {
 const MAX_CONNECTIONS: usize = 32;
 /// Threads at most: those of closed connections take a moment to end.
 const MAX_THREADS: usize = 2 * MAX_CONNECTIONS;
-/// Interval at which the thread checks for connections and its end.
+/// Interval at which the thread checks for connections and for `stop`.
 const POLL: Duration = Duration::from_millis(50);
 /// Wait for threads of closed connections.
 const THREAD_END_WAIT: Duration = Duration::from_millis(1);
@@ -162,7 +162,7 @@ impl Drop for Server {
     fn drop(&mut self) {
         self.stop.store(true, Ordering::Relaxed);
         if let Some(thread) = self.thread.take() {
-            // Even after a panic it has ended.
+            // The thread has ended, even if it panicked.
             let _ = thread.join();
         }
     }
@@ -281,7 +281,7 @@ fn wait_for_connection(_: &TcpListener) {
 }
 
 struct Connection {
-    /// The handle to close it while its thread waits.
+    /// A second handle, to close the connection while its thread waits.
     stream: TcpStream,
     state: Arc<http::State>,
 }
@@ -294,10 +294,10 @@ impl Connection {
         })
     }
 
-    /// Ends it at once: its thread wakes up.
+    /// Closes the connection at once, and wakes its thread.
     fn close(self) {
         self.state.end();
-        // It may have been closed by the other end.
+        // The other end may have closed it.
         let _ = self.stream.shutdown(Shutdown::Both);
     }
 }

@@ -3,7 +3,7 @@
 //! All are optional. A refusal does not fail a run; it is reported with reason and remedy. Threads
 //! inherit scheduling and affinity from the thread that starts them; memory is locked for the
 //! process. Threads of an existing pool apply the settings themselves ([`Requested::of_thread`]). A
-//! monitoring thread, such as that of the metrics, is best started before.
+//! thread that must not inherit them, such as that of the metrics, is started before.
 //!
 //! If real-time threads use all processors, the kernel reserves 5 % of the time for others
 //! (`sched_rt_runtime_us`).
@@ -68,7 +68,7 @@ impl fmt::Display for Grant {
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
 #[serde(transparent)]
 pub struct Granted {
-    /// In the order of [`Requested`]. Present and absent processors have one each.
+    /// In the order of [`Requested`]. Granted and absent processors are separate entries.
     pub grants: Vec<Grant>,
 }
 

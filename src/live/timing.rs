@@ -67,7 +67,7 @@ pub(crate) fn spare_s(deadline: Instant, at: Instant) -> f64 {
     }
 }
 
-/// The times of all frames of a run.
+/// The times of all frames of a run, each from its trigger.
 #[derive(Debug, Clone, Default, Serialize)]
 pub struct Latencies {
     /// Number of frames.
@@ -97,10 +97,10 @@ pub struct Latencies {
     /// To the last byte passed to a link.
     #[serde(rename = "last_octet", serialize_with = "summary")]
     pub last_byte: Times,
-    /// The first frame beyond this time to the last byte, or incomplete, is noted.
+    /// Watched limit of the time to the last byte; an incomplete frame is above it.
     #[serde(rename = "watch_above_s", serialize_with = "maybe_seconds")]
     pub watch_above: Option<Duration>,
-    /// That frame.
+    /// The first frame above it.
     pub first_above: Option<Slow>,
 }
 
@@ -155,7 +155,7 @@ impl Latencies {
         self.last_byte.add(times.last_byte);
     }
 
-    /// Adds exposures without a frame, `before it` or `after it`.
+    /// Adds exposures without a frame; `unexposed`: `before it` or `after it`, relative to `frame`.
     pub fn add_without_frame(&mut self, count: u32, frame: u32, unexposed: &'static str) {
         if count == 0 {
             return;

@@ -43,7 +43,7 @@ pub fn thread_ms() -> f64 {
     time.tv_sec as f64 * 1e3 + time.tv_nsec as f64 * 1e-6
 }
 
-/// A clock, ms; it includes time of other programs.
+/// Elapsed real time, ms; it includes time of other programs.
 #[cfg(not(target_os = "linux"))]
 pub fn thread_ms() -> f64 {
     use std::{sync::LazyLock, time::Instant};

@@ -44,7 +44,7 @@ pub struct Report {
     /// The machine.
     #[serde(flatten)]
     pub machine: Machine,
-    /// Setting by setting.
+    /// One row per setting.
     pub rows: Vec<Row>,
 }
 
@@ -113,7 +113,7 @@ impl Report {
         })
     }
 
-    /// The setting for a budget of ms per frame.
+    /// The setting for a budget of time per frame, ms.
     pub fn chosen(&self, budget_ms: f64) -> Option<Chosen<'_>> {
         best(&self.rows, budget_ms)
     }

@@ -63,13 +63,13 @@ pub struct Step {
     pub objects: usize,
     /// Frames.
     pub frames: usize,
-    /// ms, median and 99th percentile.
+    /// Median of the frames' times, ms.
     pub p50_ms: f64,
-    /// The 99th percentile.
+    /// Their 99th percentile, ms.
     pub p99_ms: f64,
-    /// The first frame, with SGP4 for all objects.
+    /// Time of the first frame, with SGP4 for all objects, ms.
     pub first_ms: f64,
-    /// Median with SGP4 for all objects in every frame.
+    /// Median with SGP4 for all objects in every frame, ms.
     pub exact_p50_ms: f64,
     /// Candidates, unseen and labelled objects of a frame, on average.
     pub found: [f64; 3],
@@ -146,7 +146,7 @@ impl super::Report for Report {
 fn orbits(made: &[Synthetic], near: bool) -> impl Iterator<Item = Elements> {
     let is_near = |elements: &Elements| {
         let period_min = std::f64::consts::TAU / elements.mean_motion;
-        // The model uses Brouwer's mean motion, some 1e-3 off.
+        // SGP4 decides by Brouwer's mean motion, which differs by some 1e-3.
         period_min < NEAR_MIN * 0.99
     };
     let all = made.iter().map(|one| one.elements);

@@ -71,19 +71,19 @@ impl fmt::Display for Machine {
 pub struct Row {
     /// The work.
     pub work: String,
-    /// The other work.
+    /// The work that it is compared with.
     pub against: &'static str,
     /// Median, in the unit of its table.
     pub time: f64,
     /// Median of the other.
     pub against_time: f64,
-    /// Median of the rounds' ratios, and their quartiles.
+    /// Median over the rounds of `against_time` / `time`.
     pub ratio: f64,
     /// The first and third quartile of the ratios.
     pub spread: [f64; 2],
-    /// Minimum of the ratio, if it has one.
+    /// Required minimum of the ratio, if it has one.
     pub least: Option<f64>,
-    /// Maximum of the ratio, if it has one; then the ratio is the work's time over the other's.
+    /// Permitted maximum, if there is one; then the ratio is inverse: `time` / `against_time`.
     pub most: Option<f64>,
 }
 
@@ -195,7 +195,7 @@ fn row_of(
     least: Option<f64>,
     mut times: Vec<[f64; 2]>,
 ) -> Row {
-    // Caches and clocks warm up.
+    // In the first rounds caches are filled and processor clocks rise.
     times.drain(..times.len() / 5);
     let of = |figure: fn(&[f64; 2]) -> f64| Sample::new(times.iter().map(figure));
     let ratio = of(|[ours, theirs]| theirs / ours);

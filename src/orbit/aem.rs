@@ -172,7 +172,7 @@ impl Reader {
         let ut1 = meta.ut1(&mut self.first_start)?;
         let clock = meta.clock(ut1)?;
         let (start, stop) = meta.span(clock)?;
-        // Other types have other keywords.
+        // The type is checked before the keywords below: other types have others.
         let more = self.columns(meta)?;
         let (from_a, is_scalar_first) = self.order(meta)?;
         let (axes, a_is_body, assumed) = frames(meta, ut1)?;

@@ -5,7 +5,7 @@ use crate::time::utc_text;
 use hifitime::{Epoch, Unit};
 use std::fmt;
 
-/// Largest distance from the epoch of a usable element set, days.
+/// An element set is old at an instant farther than this from its epoch, days.
 pub const FRESH_DAYS: f64 = 14.0;
 
 /// Ages of the nearest element sets at an instant.
@@ -13,9 +13,9 @@ pub const FRESH_DAYS: f64 = 14.0;
 pub struct Ages {
     /// The instant.
     pub at: Epoch,
-    /// Objects with element sets.
+    /// Number of objects with element sets.
     pub sets: usize,
-    /// Objects whose nearest set is more than [`FRESH_DAYS`] away.
+    /// Number of objects whose nearest set is more than [`FRESH_DAYS`] away.
     pub old: usize,
     /// Median age, days.
     pub median_days: f64,
@@ -24,7 +24,7 @@ pub struct Ages {
 }
 
 impl Ages {
-    /// Ages for these objects; none without element sets.
+    /// Ages for these objects; none if no object has element sets.
     pub fn of(objects: &[Object], at: Epoch) -> Option<Ages> {
         let age = |object: &Object| {
             let days = object

@@ -7,7 +7,7 @@
 use crate::sgp4_batch::Row;
 use std::f64::consts::FRAC_PI_2;
 
-/// More than the escape velocity, km/s.
+/// Largest assumed speed of an object, km/s: more than the escape velocity.
 pub const FASTEST_KM_S: f64 = 11.3;
 
 /// A cone at an instant, in the axes of the tested positions.
@@ -48,9 +48,9 @@ impl Cone {
     }
 
     /// Whether a position (km) is inside the cone or within its margin w. With half angle A, a
-    /// point at `z` along the axis and `p` across is `p cos A - z sin A` from the surface. Inside
-    /// is p cos A <= w + z sin A, compared as u |u| of both sides. Behind a cone narrower than a
-    /// half space the distance is at least `-z`.
+    /// point at `z` along the axis and `p` across is `p cos A - z sin A` from the surface. It is
+    /// inside where p cos A <= w + z sin A. To avoid the root in p, u |u| of both sides is
+    /// compared. Behind a cone narrower than a half space the distance is at least `-z`.
     #[inline(always)]
     pub fn holds(&self, position_km: [f64; 3]) -> bool {
         let (along, range2) = self.axial(position_km);
@@ -102,7 +102,7 @@ pub(crate) struct Moved {
 }
 
 impl Moved {
-    /// Adds the motion to a cone at time `ns`.
+    /// Adds the motion from the last cone to `cone`, which is that of the time `ns`.
     pub fn on_to(&mut self, cone: &Cone, ns: i64) {
         if let Some((last, then)) = &self.last {
             let (km, rad) = last.to(cone);
@@ -117,7 +117,7 @@ impl Moved {
 /// How long no object of a block can enter the cone.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Leeway {
-    /// [`Moved`] at computation, plus the least distance, km.
+    /// [`Moved`] at computation, plus the least distance of an object from the cone, km.
     until_km: f64,
     /// [`Moved`] at computation, rad.
     rad: f64,

@@ -23,9 +23,9 @@ pub(crate) const SEPARATORS: [char; 9] = [
 ];
 
 impl Designator {
-    /// Reads `1998-067A`, the `98067A` of a TLE, `1998067A`, or NASA's `1998-067-A`, in any case of
-    /// letters, without leading zeros behind a separator, in quotes, or behind `COSPAR` or `COSPAR
-    /// ID`.
+    /// Reads `1998-067A`, the `98067A` of a TLE, `1998067A`, or NASA's `1998-067-A`, in upper or
+    /// lower case. Leading zeros after a separator may be missing. Quotes, and the labels `COSPAR`
+    /// and `COSPAR ID`, are skipped.
     pub fn parse(text: &str) -> Option<Self> {
         Self::read(text)?.ok()
     }
@@ -97,8 +97,8 @@ impl fmt::Display for Designator {
     }
 }
 
-/// Whether the piece of a designator is a placeholder such as `TBA` or `XXA`. Real pieces with
-/// three letters are beyond 600, and none is beyond 9,000.
+/// Whether the piece of a designator is a placeholder such as `TBA` or `XXA`. Pieces have three
+/// letters from number 601 on. Real numbers are below 9,000, those of `TBA` and `XXA` above 10,000.
 fn is_unknown_piece(piece: [u8; 3]) -> bool {
     let is_word = std::str::from_utf8(&piece).is_ok_and(is_missing);
     is_word || (piece.starts_with(b"XX") && piece[2] > 0)

@@ -70,8 +70,8 @@ pub enum PropagationError {
     #[error("the semi-latus rectum is below 0")]
     SemiLatusRectum,
     /// The position is inside the Earth. Where J2 makes the radius negative, the `sgp4` crate gives
-    /// the point beyond the centre. [`sgp4_batch`](crate::sgp4_batch) reports it as decayed, as the
-    /// reference does (1 of 392,157 states on public catalogues).
+    /// a point on the other side of the centre. [`sgp4_batch`](crate::sgp4_batch) reports this case
+    /// as decayed, as the reference does (1 of 392,157 states of public catalogues).
     #[error("the object has decayed: SGP4 puts it {depth_km:.1} km inside the Earth")]
     Decayed {
         /// Depth below the equatorial radius, km.

@@ -38,8 +38,8 @@ pub(crate) enum Method {
     Hermite(usize),
 }
 
-/// Smallest difference of two degrees that counts as divergence, m. Positions rounded to 1 m differ
-/// by more than that at high degrees.
+/// Smallest difference between the positions of two degrees that counts as divergence, m. It allows
+/// for positions rounded to 1 m, since high degrees amplify the rounding.
 const DIVERGED_M: f64 = 100.0;
 
 impl Method {
@@ -71,7 +71,7 @@ pub(crate) struct Node {
     pub state: StateVector,
 }
 
-/// The nearest covered interval.
+/// The error at an instant in no segment: the nearest covered interval.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NotCovered {
     /// Start of the interval, UTC.
@@ -146,9 +146,9 @@ impl Segment {
         (self.start_ns - ns).max(ns - self.stop_ns).max(0)
     }
 
-    /// The largest change in the middle between neighbours where the interpolation does not
-    /// converge, m. It does not converge where this degree changes the position of the next lower
-    /// one by more than [`DIVERGED_M`], and by more than the step below that.
+    /// The largest difference in position between this degree and the next lower one, m, at the
+    /// middles between nodes where the interpolation does not converge. It does not converge where
+    /// this difference exceeds [`DIVERGED_M`] and the difference between the two lower degrees.
     pub fn divergence_m(&self) -> Option<f64> {
         let lower = self.method.lower()?;
         let lowest = lower.lower()?;

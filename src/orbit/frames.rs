@@ -2,8 +2,8 @@
 //!
 //! TEME ("true equator, mean equinox") is the frame of SGP4: its z axis is the true pole of date,
 //! its x axis the origin of IAU 1982 Greenwich mean sidereal time (Vallado et al., AIAA 2006-6753,
-//! appendix C). Greenwich apparent sidereal time is counted from the true equinox: the two frames
-//! differ by a rotation about the pole.
+//! appendix C). Greenwich apparent sidereal time is counted from the true equinox. So TEME and the
+//! true equator and equinox of date differ by a rotation about the pole.
 
 use crate::StateVector;
 use crate::time::{DAY_NS, J2000_NS, utc_duration};
@@ -14,10 +14,10 @@ use sofars::consts::DJ00;
 /// Rotation from TEME of date to GCRF: 3 x 3, `r_gcrf = teme_to_gcrf(t) * r_teme`.
 ///
 /// Precession, nutation and frame bias are IAU 2006/2000A. The angle about the pole is GAST 2006 -
-/// GMST 1982. UT1 is taken as UTC: in this difference 1 s is 7e-12 rad, 0.3 mm at the geostationary
-/// belt. Observed corrections of the celestial pole (0.3 milliarcsecond) are left out: 6 cm there.
-/// Measured error out to that belt (`tests/frames.rs`): at most 3.0 mm over 1960 to 2060
-/// (skyfield), 2.5 mm over 1975 to 2026 (astropy).
+/// GMST 1982. UT1 is taken as UTC: an error of 1 s in UT1 changes this difference by 7e-12 rad, 0.3
+/// mm at the geostationary belt. Observed corrections of the celestial pole (0.3 milliarcsecond)
+/// are left out: 6 cm there. Measured error out to that belt (`tests/frames.rs`): at most 3.0 mm
+/// over 1960 to 2060 (skyfield), 2.5 mm over 1975 to 2026 (astropy).
 pub fn teme_to_gcrf(t: Epoch) -> Matrix3<f64> {
     let tt = days_of_tt(t);
     let ut1 = days_since_j2000(utc_duration(t).total_nanoseconds());
@@ -104,7 +104,7 @@ impl Axes {
             Axes::EarthFixed { ut1_tai } => {
                 let ut1 = t.to_tai_duration() + ut1_tai;
                 let ut1_ns = ut1.total_nanoseconds() - J2000_NS;
-                // One number would round the day's fraction to 0.2 us: 0.5 mm at the geostationary
+                // A sum of day and fraction would be rounded to 0.2 us: 0.5 mm at the geostationary
                 // belt.
                 let day = ut1_ns.div_euclid(DAY_NS) as f64;
                 let fraction = ut1_ns.rem_euclid(DAY_NS) as f64 / DAY_NS as f64;

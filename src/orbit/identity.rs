@@ -43,8 +43,8 @@ pub struct Identity {
 enum Word {
     /// The id; an OBJECT_ID may be any text.
     Id,
-    /// The name, where the id is a placeholder. It identifies the segments of one file. Records
-    /// may be of many satellites, so there the name counts with the orbit.
+    /// The name, where the id is a placeholder. Segments of one file with equal names are one
+    /// object. Many satellites may share a name, so elsewhere the orbits must be equal too.
     Name,
     /// The orbit alone, where the name is a placeholder too.
     #[default]
@@ -241,7 +241,8 @@ pub fn is_same(one: &Object, other: &Object) -> bool {
     keys.key(one) == keys.key(other)
 }
 
-/// For each of a list the index of its object, counted from 0 in the order of first appearance.
+/// The number of each entry's object, counted from 0 in the order of first appearance. Entries of
+/// the same object have the same number.
 pub fn places<'a>(objects: impl Iterator<Item = &'a Object> + Clone) -> Vec<usize> {
     // Fast path for large catalogues: no map where each object has its own number.
     let mut numbers: Vec<Option<u32>> = objects.clone().map(|o| o.identity.number()).collect();

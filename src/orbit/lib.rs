@@ -113,7 +113,7 @@ impl StateVector {
     /// The state in axes rotated by `rotation` (3 x 3, new = rotation * old).
     ///
     /// The rotation of the axes with time (precession and nutation, about 1e-11 rad/s) is left out
-    /// of the velocity: below 1 mm/s out to the geostationary belt.
+    /// of the velocity: an error below 1 mm/s out to the geostationary belt.
     pub fn rotated(&self, rotation: &Matrix3<f64>) -> Self {
         Self {
             position_m: rotation * self.position_m,
@@ -125,8 +125,8 @@ impl StateVector {
 /// An object in orbit.
 #[derive(Clone, Debug)]
 pub struct Object {
-    /// `NORAD 44322` from an element set, the OBJECT_ID of an OEM. The name follows a placeholder:
-    /// `NORAD 0 CUBE`, `UNKNOWN CUBE`.
+    /// `NORAD 44322` from an element set, the OBJECT_ID of an OEM. A placeholder id is followed by
+    /// the name: `NORAD 0 CUBE`, `UNKNOWN CUBE`.
     pub id: String,
     /// Names: the name line of a 3LE, the OBJECT_NAME of an OEM.
     pub names: Vec<String>,
@@ -193,7 +193,7 @@ impl Object {
     pub fn failure(&self, t: Epoch, code: u8) -> OrbitError {
         let reason = match self.state_with(t, &Matrix3::identity()) {
             Err(error) => return error,
-            // For a negative radius the scalar model gives the point beyond the Earth's centre.
+            // For a negative radius the scalar model gives a point on the other side of the centre.
             Ok(state) if code == sgp4_batch::DECAYED => PropagationError::Decayed {
                 depth_km: (elements::EARTH_RADIUS_M + state.position_m.norm()) * 1e-3,
             },
@@ -213,9 +213,9 @@ impl Object {
         Some((first - reach, last + reach))
     }
 
-    /// Instants, in order, that separate the starts and ends of its states: the middle of each
-    /// covered interval and of each gap of an ephemeris. Of element sets both sides of each change
-    /// from one set to the next, since one of them may have no state.
+    /// Instants, in order, between the starts and ends of its states. For an ephemeris: the middle
+    /// of each covered interval and of each gap. For element sets: 1 ns before and after each
+    /// change of the nearest set, since either set may have no state there.
     pub fn span_middles(&self) -> Vec<Epoch> {
         let middle = |[start, end]: [Epoch; 2]| start + (end - start) * 0.5;
         if let Orbit::Ephemeris(ephemeris) = &self.orbit {
@@ -294,7 +294,7 @@ fn bounded_name(name: &str) -> String {
     letters.take(100).collect()
 }
 
-/// The set with the epoch nearest to `t`; the first of several.
+/// The set with the epoch nearest to `t`; the first of equally near ones.
 fn nearest<'a>(set: &'a Elements, others: &'a [Elements], t: Epoch) -> &'a Elements {
     let all = std::iter::once(set).chain(others);
     all.min_by_key(|one| (one.epoch - t).abs()).unwrap_or(set)

@@ -41,7 +41,7 @@ pub struct Contents {
     pub assumed: Vec<String>,
     /// Name of the text in messages.
     source: String,
-    /// Records of the current part so far, read or refused.
+    /// Count of records of the current part so far, read or refused.
     taken: usize,
     /// START_TIME of the first segment of an OEM in the text.
     pub(crate) first_start: Option<Epoch>,
@@ -103,7 +103,7 @@ pub enum LoadError {
         /// The kind of the text, and the remedy.
         reason: String,
         /// Whether the text is of another kind than orbits, such as other files in the same folder.
-        /// False for a file that lost its records, and for an unsupported format of orbits.
+        /// False for an orbit file without records, and for an unsupported format of orbits.
         is_foreign: bool,
     },
 }
@@ -261,7 +261,7 @@ impl Contents {
         self.records.len() + self.ephemerides.len() + self.rejected.len()
     }
 
-    /// Adds the next record of a part. Errors get its number, since all may be in one line.
+    /// Adds the next record of a part. Errors state its number: a text may be one line.
     pub(crate) fn take(&mut self, record: At<Record>) {
         self.taken += 1;
         match record {
@@ -303,7 +303,7 @@ impl Contents {
         unread::add_messages(part, unread);
     }
 
-    /// Adds a part of a text in several formats.
+    /// Adds one part of a text with several parts; its format is detected.
     fn add_part(&mut self, part: &Part, unread: &mut Unread) {
         let line = part.lines_before + 1;
         match (Format::of(part.text), unread::found(part.text)) {
@@ -390,8 +390,8 @@ impl From<Record> for Object {
 
 impl Object {
     /// Adds the element sets and names of `other`, the same object in another record or file,
-    /// without duplicates. Of sets with one epoch the first is used, but one with a state goes
-    /// before one without.
+    /// without duplicates. Of sets with equal epochs the first is used, unless SGP4 has a state
+    /// only for a later one.
     pub(crate) fn join(&mut self, other: Object) {
         let (Orbit::Elements(own, others), Orbit::Elements(set, further)) =
             (&mut self.orbit, other.orbit)

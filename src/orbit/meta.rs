@@ -60,7 +60,7 @@ impl Ut1 {
     fn step(self, stop: Epoch) -> Option<String> {
         let count = time::leap_seconds(self.at, stop);
         let given_s = self.utc_s.unwrap_or(0.0);
-        // Bulletin A gives 1e-7 s.
+        // Rounded to the resolution of Bulletin A.
         let stop_s = ((given_s + f64::from(count)) * 1e7).round() / 1e7;
         let [at, stop] = [self.at, stop].map(time::utc_text);
         (count != 0).then(|| {
@@ -76,7 +76,7 @@ impl Clock {
         match self {
             Clock::Scale(TimeScale::TDB) => {
                 let tdb = time::parse_ccsds(text, TimeScale::TT)?;
-                // The difference changes by 1 ps in 2 ms.
+                // TDB in place of TT as the argument is off by 2 ms: 1 ps in the result.
                 Some(tdb - time::seconds(time::tdb_minus_tt_s(tdb)))
             }
             Clock::Scale(scale) => time::parse_ccsds(text, scale),
@@ -221,7 +221,7 @@ impl Meta {
     /// That of the command line applies at the START_TIME of the first segment of the file that
     /// uses UT1, which is stored in `first`.
     pub fn ut1(&self, first: &mut Option<Epoch>) -> At<Ut1> {
-        // UT1 is read as UTC: it only decides on which side of a leap second the instant lies.
+        // UT1 is read as UTC here: only the side of a leap second on which the start lies matters.
         let scale = self.scale()?.unwrap_or(TimeScale::UTC);
         let start = self.epoch(Clock::Scale(scale), "START_TIME")?;
         let comment_s = self.ut1_utc_s()?;

@@ -1,7 +1,7 @@
 //! Words for an unknown value.
 
-/// Placeholders. The standard's is `UNKNOWN` (CCSDS 502.0-B-3, OBJECT_ID and OBJECT_NAME), from
-/// [`MISSING`].
+/// Placeholders. `UNKNOWN`, that of the standard (CCSDS 502.0-B-3, OBJECT_ID and OBJECT_NAME), is
+/// `UN` before a word of [`MISSING`].
 pub(crate) const PLACEHOLDERS: [&str; 14] = [
     "UNK", "UNDEF", "TBD", "TBA", "TBC", "TBS", "NA", "NO", "NONE", "NULL", "NIL", "NAN",
     "INVALID", "ANALYST",

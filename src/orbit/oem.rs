@@ -25,7 +25,7 @@ const NEAREST_M: f64 = 1e6;
 const FARTHEST_M: f64 = 4e9;
 const FASTEST_M_S: f64 = 1e5;
 /// Longest step, as a share of the radius, for the check of velocities against positions. On a
-/// circle the mean of two velocities and the chord differ by its square over 12, here 2 %.
+/// circle the mean of two velocities and the chord's differ by the share's square over 12, 2 %.
 const SHORT_STEP: f64 = 0.5;
 /// Shortest step for that check, m: positions may be rounded to 1 m.
 const MIN_STEP_M: f64 = 1e3;
@@ -46,7 +46,7 @@ pub(crate) fn begins(line: &str) -> bool {
 /// segment, and the rest loads.
 pub(crate) fn read(part: &Part, contents: &mut Contents) {
     let mut messages = Messages::new(contents);
-    // Its `reject` returns no error.
+    // `Messages::reject` returns no error, so the reader never stops early.
     if segments::read(&mut messages, part.lines()).is_ok() {
         messages.finish();
     }

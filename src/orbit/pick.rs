@@ -4,7 +4,7 @@ use crate::{Designator, Loaded, Object, Rejected, catalogue_number};
 
 const MAX_LISTED: usize = 8;
 
-/// File and object of a selector `FILE` or `FILE:NAME`: the longest file that `exists`.
+/// File and object of a selector `FILE` or `FILE:NAME`, with the longest path that `exists`.
 pub fn file_and_name(selector: &str, exists: impl Fn(&str) -> bool) -> (&str, Option<&str>) {
     let colons = selector.rmatch_indices(':');
     let mut parts = colons.map(|(at, _)| (&selector[..at], Some(&selector[at + 1..])));
@@ -71,7 +71,7 @@ impl Loaded {
         Err(format!("{why}{has}{remedy}{refused}"))
     }
 
-    /// A remedy where no object has a catalogue number that was given.
+    /// A remedy where `name` is a catalogue number and some objects have none.
     fn unnumbered_hint(&self, name: &str) -> String {
         let unnumbered = self.objects.iter();
         let unnumbered = unnumbered.filter(|one| one.identity.number().is_none());

@@ -26,7 +26,7 @@ const MARKS: &str = "XYN?#*_.-\u{2013}\u{2014}";
 /// standard (CCSDS 502.0-B-3, OBJECT_ID), `XXXX-XXXA`, `20YY-NNNA`, `2026-???A`, `2026-TBDA`,
 /// `1998-067?`.
 fn is_template(text: &str) -> bool {
-    // A `#` is a mark for a digit, or a label before the whole text.
+    // `##` stands for unknown digits; a single `#` is a label before the whole text.
     let is_marked = text.trim_start().starts_with("##");
     let text = if is_marked {
         text.trim()

@@ -18,7 +18,7 @@ pub const LARGEST_TABLE: u64 = 256 << 20;
 pub const LARGEST_CONFIG: u64 = 4 << 20;
 /// Largest input from a pipe, whose length is unknown in advance, bytes.
 pub const LARGEST_PIPE: u64 = 256 << 20;
-/// Bytes that show whether a file has the expected kind of contents.
+/// Bytes that are read first, to check the kind of contents; also the size of a pipe's chunks.
 const HEAD: u64 = 1 << 16;
 const PIPE_TIMEOUT: Duration = Duration::from_secs(if cfg!(test) { 1 } else { 10 });
 

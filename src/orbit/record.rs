@@ -1,4 +1,4 @@
-//! An element set as its file gives it, with the values that only other formats need.
+//! An element set as its file gives it, with values that SGP4 does not use but other formats store.
 
 use crate::catalogue_number::assigned;
 use crate::elements::Elements;
@@ -57,8 +57,8 @@ pub(crate) fn long_designator(text: &str) -> String {
     }
 }
 
-/// An international designator in the columns of a TLE, blank for a placeholder. None where it does
-/// not fit, and for another id.
+/// An international designator in the columns of a TLE, blank for a placeholder. None for a year
+/// that does not fit, and for any other id.
 pub(crate) fn short_designator(text: &str) -> Option<String> {
     match Designator::parse(text) {
         Some(designator) => designator.short(),

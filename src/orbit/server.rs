@@ -22,7 +22,7 @@ const KEYS: [&str; 8] = [
     "reason",
     "title",
 ];
-/// JSON keys of the success of a request.
+/// JSON keys that report whether a request succeeded.
 const STATES: [&str; 5] = ["status", "success", "code", "ok", "fault"];
 /// First words of an answer in plain text.
 const BEGINNINGS: [&str; 20] = [
@@ -48,8 +48,8 @@ const BEGINNINGS: [&str; 20] = [
     "internal server error",
 ];
 
-/// The message in a server's answer, or none for other texts. A page is an answer, unless `source`
-/// is the name of a page.
+/// The message in a server's answer, or none for other texts. An HTML page is an answer, unless
+/// `source` is the name of an HTML file.
 pub(crate) fn words(text: &str, source: &str) -> Option<String> {
     let text = text.trim();
     let words = match text.as_bytes().first()? {

@@ -46,7 +46,7 @@ fn no_text() -> Error {
     Error::new(ErrorKind::InvalidData, why)
 }
 
-/// The remedy for an unreadable file, if it is other than another path.
+/// The remedy for a file that is too large; none for other errors.
 pub fn remedy(error: &Error) -> Option<&'static str> {
     (error.kind() == ErrorKind::FileTooLarge)
         .then_some("give it in parts: a folder stands for all its files of orbits")
@@ -61,12 +61,12 @@ fn utf_16(bytes: &[u8], unit: fn([u8; 2]) -> u16) -> String {
     text.chain(torn).collect()
 }
 
-/// The contents of a path.
+/// A file, or the entries of a folder.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Listing {
     /// The path itself, or the files of a folder, ordered by name.
     pub files: Vec<PathBuf>,
-    /// Other entries of a folder: folders, pipes, sockets and devices, which may not end.
+    /// Other entries of a folder: folders, pipes, sockets and devices (which may be endless).
     pub others: Vec<PathBuf>,
 }
 

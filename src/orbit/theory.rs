@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 pub(crate) const SGP4_XP: &str = "elements of SGP4-XP (MEAN_ELEMENT_THEORY = SGP4-XP, ephemeris type 4, BTERM, AGOM), which SGP4 must not \
                                   fly: fetch those of SGP4, or an ephemeris as OEM";
 
-/// A theory in a file that SGP4 and SDP4 can propagate.
+/// A theory as a file gives it, if SGP4 and SDP4 can propagate its elements.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Theory {
     /// SGP4 or SDP4, which are one theory.
@@ -15,7 +15,7 @@ pub enum Theory {
     Sgp4,
     /// SGP, the predecessor.
     Sgp,
-    /// A form of elements, given as the theory.
+    /// `TLE`, a format of elements that some files give as the theory.
     Tle,
     /// General perturbations, the class of theories that SGP4 belongs to.
     Gp,

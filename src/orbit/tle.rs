@@ -220,8 +220,8 @@ pub(crate) fn is_set(first: &str, second: &str) -> bool {
     element_line(first) == Some(1) && element_line(second) == Some(2)
 }
 
-/// 1 or 2 for that line of a set. A name may begin with these digits, but has more letters than
-/// digits.
+/// The number, 1 or 2, of a line of a set. A name may begin with these digits, but has more letters
+/// than digits.
 fn element_line(line: &str) -> Option<u8> {
     let number = match line.get(..2)? {
         "1 " => 1,

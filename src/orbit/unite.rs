@@ -20,12 +20,12 @@ pub struct Source {
 /// United objects, in the order of first appearance.
 #[derive(Clone, Debug, Default)]
 pub struct United {
-    /// With all different element sets. An object of several records has its catalogue number,
-    /// `NORAD 25544`, as its id where any of them has it.
+    /// Each has all its different element sets. An object of several records has its catalogue
+    /// number, `NORAD 25544`, as its id where any of them has it.
     pub objects: Vec<Object>,
     /// The first source of each object.
     pub sources: Vec<usize>,
-    /// Records of known objects: index of the object, and source of the record.
+    /// Records that were added to an earlier object: index of the object, and source of the record.
     pub joined: Vec<(usize, usize)>,
     /// Orbits that cannot be combined with an earlier one of the same object, with their source.
     pub refused: Vec<(usize, Rejected)>,

@@ -12,7 +12,7 @@ use std::convert::Infallible;
 #[derive(Debug, Clone)]
 pub(crate) struct Canvas(pub RgbImage);
 
-/// Dashes of a broken ring.
+/// Number of dashes of a broken ring.
 const DASHES: f64 = 8.0;
 
 impl Canvas {

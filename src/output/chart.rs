@@ -11,7 +11,7 @@ pub const SVG_MARK: Mark = &["<!-- Software: skyloop -->"];
 
 /// Width and height, px.
 const SIZE: (u32, u32) = (1000, 560);
-/// Around the chart, px.
+/// Space around the chart, px.
 const MARGIN: i32 = 12;
 const GROUND: RGBColor = RGBColor(12, 14, 20);
 const GRID: RGBColor = RGBColor(40, 44, 54);
@@ -81,7 +81,7 @@ where
         let mut chart = ChartBuilder::on(&root)
             .caption(printable_line(title), font(INK))
             .margin(MARGIN)
-            // Half of the last label of a time axis.
+            // Room for half of the last label of a time axis.
             .margin_right(3 * MARGIN)
             .x_label_area_size(45)
             .y_label_area_size(80)

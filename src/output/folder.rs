@@ -107,8 +107,8 @@ fn earlier_frames(labels: &Path) -> Option<BTreeSet<u32>> {
     }
 }
 
-/// Bytes at the start of a line of labels: they contain the longest frame number, and every line is
-/// longer.
+/// Number of bytes read from the start of each line of labels. They contain the longest frame
+/// number, and every line is longer.
 const LABEL_HEAD: u64 = 24;
 
 /// Marks in the header of a frame's FITS file.
@@ -190,8 +190,8 @@ impl Folder {
     }
 
     /// Refuses to replace files of these names: those that this process has read and, without
-    /// `force`, any without its mark. Files of a format without a mark follow the first file,
-    /// `marked`.
+    /// `force`, any without its mark. A file of a format without a mark needs the mark of the first
+    /// file, `marked`.
     pub fn may_replace(
         &self,
         (marked, mark): (&str, Mark),

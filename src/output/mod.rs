@@ -107,8 +107,8 @@ impl Writer {
     /// `camera` is the camera as commanded for this frame (with its gain); `label_json` is the
     /// label as sent. Its line of `labels.jsonl` also lists the frame's `files`.
     ///
-    /// Errors: a file cannot be written; then the frame's files are removed, and the labels too if
-    /// they have no frame.
+    /// Errors: a file cannot be written; then the frame's files are removed, and `labels.jsonl` too
+    /// if it is empty.
     pub fn write_frame(
         &mut self,
         camera: &Camera,

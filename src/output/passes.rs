@@ -35,9 +35,9 @@ struct Moment {
     off_axis_deg: f64,
     range_km: f64,
     phase_deg: f64,
-    /// In full sunlight.
+    /// Magnitude in full sunlight.
     mag: Option<f64>,
-    /// Of the arriving light.
+    /// Magnitude of the arriving light.
     band_mag: Option<f64>,
     reason: &'static str,
 }
@@ -263,7 +263,7 @@ pub struct Searched {
     pub to: String,
     /// Number of searched objects.
     pub objects: usize,
-    /// Passes that stay fainter than a limit.
+    /// Number of omitted passes, which stay fainter than the limit.
     pub fainter: usize,
     /// Objects without a state at some time.
     pub without_state: Vec<String>,

@@ -17,7 +17,7 @@ pub(crate) struct Curve {
     pub values: Vec<Option<f64>>,
 }
 
-/// Greatest absolute magnitude that is drawn: far beyond, steps between labels vanish in rounding.
+/// Largest absolute magnitude that is drawn. Far above it, rounding makes successive labels equal.
 const MAX_MAG: f64 = 1e6;
 /// Approximate number of labels per axis.
 const TICKS: f64 = 8.0;
@@ -27,7 +27,7 @@ const TIME_STEPS: &[f64] = &[
     10_800.0, 21_600.0, 43_200.0, 86_400.0,
 ];
 
-/// The plot as SVG, with its `curves` in drawing order. `epochs` rise.
+/// The plot as SVG, with its `curves` in drawing order. `epochs` are in ascending order.
 pub(crate) fn magnitudes(title: &str, epochs: &[Epoch], curves: &[Curve]) -> io::Result<String> {
     let start = epochs.first().copied().unwrap_or_default();
     let seconds: Vec<f64> = epochs.iter().map(|t| (*t - start).to_seconds()).collect();
@@ -76,7 +76,7 @@ fn is_drawn(magnitude: f64) -> bool {
     magnitude.abs() <= MAX_MAG
 }
 
-/// Draws a line from value to value, and a dot for an isolated one.
+/// Joins successive values by lines; a value without neighbours is a dot.
 fn draw<X, Y>(chart: &mut Chart<'_, '_, X, Y>, curve: &Curve, seconds: &[f64]) -> Drawn
 where
     X: Ranged<ValueType = f64>,
@@ -106,7 +106,7 @@ where
     Ok(())
 }
 
-/// 1, 2 or 5 times a power of ten, at least `step`.
+/// The smallest 1, 2 or 5 times a power of ten that is at least `step`.
 fn nice(step: f64) -> f64 {
     let power = libm::pow(10.0, libm::log10(step).floor());
     let factor = [1.0, 2.0, 5.0]

@@ -12,11 +12,11 @@ use std::path::Path;
 pub struct Scatter {
     /// Its title.
     pub title: String,
-    /// The names of the axes: across, and upwards.
+    /// The names of the horizontal and the vertical axis.
     pub axes: [&'static str; 2],
     /// The dots. If names overlap, the first ones are drawn.
     pub dots: Vec<Dot>,
-    /// A limit across, and its name.
+    /// A limit on the horizontal axis, drawn as a vertical line, and its name.
     pub limit: Option<(f64, String)>,
 }
 
@@ -30,7 +30,7 @@ pub struct Dot {
     pub name: String,
     /// Whether it is drawn large.
     pub is_large: bool,
-    /// Whether the line joins it.
+    /// Whether it is one of the best dots, which a line joins.
     pub is_front: bool,
 }
 
@@ -62,8 +62,8 @@ fn range(values: impl Iterator<Item = f64>, room: f64) -> Range<f64> {
     low..high
 }
 
-/// Values with grid lines: 1, 2 and 5 times powers of ten, or only powers over more than two
-/// decades.
+/// Values with grid lines: 1, 2 and 5 times powers of ten; only powers of ten if the range exceeds
+/// two decades.
 fn ticks(range: &Range<f64>) -> Vec<f64> {
     let [low, high] = [range.start, range.end].map(|end| libm::log10(end).floor() as i32);
     let factors: &[f64] = if high - low <= 2 {

@@ -3,13 +3,13 @@
 //!
 //! With (u, v) a pixel's offset from the principal point, the ideal projection has the image at
 //! `(u + f(u, v), v + g(u, v))`, `f = sum A_pq u^p v^q`, `g = sum B_pq u^p v^q`, 2 <= p + q <= the
-//! order. The inverse is `AP`, `BP`, from p + q = 1. The fit is least squares over the detector, of
-//! the lowest order with a residual below [`ENOUGH_PX`] everywhere.
+//! order. The inverse is `AP`, `BP`, from p + q = 1. The fit is least squares over the detector, at
+//! the lowest order whose residual is below [`ENOUGH_PX`] everywhere, else at the best order.
 
 use nalgebra::{DMatrix, DVector};
 use skyloop_render::camera::{Camera, Optics};
 
-/// A residual (px) below the accuracy of star positions.
+/// Sufficient residual, px: below the accuracy of star positions.
 const ENOUGH_PX: f64 = 1e-4;
 /// The highest order of the convention.
 const MAX: usize = 9;
@@ -22,7 +22,7 @@ pub(crate) type Term = ([usize; 2], [f64; 2]);
 /// The polynomials of a camera.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Sip {
-    /// Order of all of them.
+    /// Order of all four polynomials.
     pub order: usize,
     /// `A` and `B`.
     pub forward: Vec<Term>,
@@ -81,7 +81,7 @@ impl Sip {
     }
 }
 
-/// Points from edge to edge, denser towards the edges: the extremes of Chebyshev's polynomials.
+/// Points from edge to edge, denser towards the edges: the extrema of a Chebyshev polynomial.
 fn grid(camera: &Camera) -> impl Iterator<Item = [f64; 2]> {
     let [width, height] = [camera.detector.width, camera.detector.height].map(|n| n as f64);
     let part =
@@ -102,7 +102,7 @@ fn fit(points: &[Point], lowest: usize, order: usize) -> Option<(Vec<Term>, f64)
     let exponents: Vec<[usize; 2]> = (lowest..=order)
         .flat_map(|sum| (0..=sum).map(move |q| [sum - q, q]))
         .collect();
-    // In units of the furthest point, which keeps powers near 1.
+    // Coordinates are relative to the largest one, which keeps powers small.
     let unit = points
         .iter()
         .flat_map(|(at, _)| at.map(f64::abs))

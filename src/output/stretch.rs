@@ -8,8 +8,8 @@
 //! ```
 //!
 //! Let `low` be the 10 % quantile of the pixels, or the dark level if that is higher. Grey is
-//! - linear in the light from black at the dark level to `low`, with the grey at `low` in the ratio
-//!   of `low` to a full pixel;
+//! - linear in DN from black at the dark level to `low`, with the slope that would reach white at a
+//!   full pixel;
 //! - then `asinh(u / soft)`, where `soft` grows with the spread between the 10 % and 90 %
 //!   quantiles: faint stars are distinct on a uniform sky, and a bright Earth next to a dark sky
 //!   has contrast.
@@ -25,9 +25,9 @@ const PANEL_PX: usize = 512;
 const SOFT: f64 = 2.5;
 /// `soft` relative to the spread between the 10 % and 90 % quantiles (1).
 const SOFT_OF_SPREAD: f64 = 0.5;
-/// Minimum of white above `low`, standard deviations, unless pixels are full there.
+/// Minimum of white above `low`, standard deviations; white is at most a full pixel.
 const WHITE: f64 = 250.0;
-/// Quantile of the pixels that is at most white (1).
+/// Quantile of the pixels up to which the picture does not saturate (1).
 const WHITE_PART: f64 = 0.999;
 
 /// Scale of a frame's digital numbers.
@@ -37,7 +37,7 @@ pub(crate) struct Levels {
     pub dark_dn: f64,
     /// DN of a full pixel.
     pub full_dn: f64,
-    /// Electrons a digital number.
+    /// Electrons per digital number.
     pub gain_e_per_dn: f64,
     /// Variance of a pixel without light, e-^2.
     pub variance_e2: f64,
@@ -121,7 +121,7 @@ impl Stretch {
     }
 }
 
-/// A frame of the camera's own size, 8-bit grey.
+/// The grey levels of a frame at full resolution.
 pub(crate) fn preview(levels: Levels, dn: &[u16]) -> Vec<u8> {
     let stretch = Stretch::new(levels, dn.iter().map(|dn| f32::from(*dn)), 1.0);
     let max = dn.iter().copied().max().unwrap_or(0);
@@ -144,8 +144,8 @@ fn quantiles<const N: usize>(values: impl Iterator<Item = f32>, parts: [f64; N])
     })
 }
 
-/// Size of the panel for a camera of `size` columns and rows: an integer multiple of a small
-/// camera, a large one scaled down to [`PANEL_PX`].
+/// Size of the panel for a frame of `size` columns and rows: a small frame is enlarged by an
+/// integer factor, a large one is reduced to [`PANEL_PX`].
 pub(crate) fn panel_size(size: [usize; 2]) -> [usize; 2] {
     let longer = size[0].max(size[1]).max(1);
     if longer <= PANEL_PX {
@@ -155,7 +155,7 @@ pub(crate) fn panel_size(size: [usize; 2]) -> [usize; 2] {
     }
 }
 
-/// DN at the panel's size: neighbours repeated up, areas averaged down.
+/// Resamples DN to the panel's size: repeats pixels to enlarge, averages areas to reduce.
 pub(crate) fn scaled(dn: &[u16], from: [usize; 2], to: [usize; 2]) -> Vec<f32> {
     let rows: Vec<f32> = dn
         .chunks_exact(from[0].max(1))
@@ -171,7 +171,7 @@ pub(crate) fn scaled(dn: &[u16], from: [usize; 2], to: [usize; 2]) -> Vec<f32> {
     out
 }
 
-/// `to` means over equal parts of `from` values; a part within one value has that value.
+/// Divides `from` values into `to` equal intervals, and gives the mean of each.
 fn resampled(from: usize, to: usize, value: impl Fn(usize) -> f32) -> impl Iterator<Item = f32> {
     let step = from as f64 / to as f64;
     (0..to).map(move |i| {

@@ -6,7 +6,7 @@ use nalgebra::{Matrix3, Vector3};
 use skyloop_render::attitude::degrees_of_turn;
 use skyloop_render::camera::{Camera, Model};
 
-/// The numbers of a FITS projection about its pole (Calabretta & Greisen 2002, A&A 395, 1077),
+/// Parameters of a zenithal FITS projection (Calabretta & Greisen 2002, A&A 395, 1077),
 /// LONPOLE = 180 deg.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Wcs {

@@ -13,7 +13,7 @@ use skyloop_render::sky::apparent::Observer;
 use skyloop_render::sky::population::Shutter;
 use skyloop_render::sky::shadow::Earth;
 
-/// Knots of the polynomial of a step. At 2.5 s its error is 1e-7 m in a low orbit.
+/// Knots of the polynomial of a step. With knots 2.5 s apart, its error is 1e-7 m in a low orbit.
 const KNOTS: usize = 5;
 
 /// The observer's path during a search.

@@ -15,7 +15,7 @@ const MAX_SAMPLES: f64 = 1000.0;
 const MAX_LIGHTS: f64 = 100.0;
 /// Time base of an image's rate, s.
 const RATE_S: f64 = 0.01;
-/// Where states end, light is computed this much earlier, s.
+/// Without a state at an end of a pass, light is computed this far inside the pass, s.
 const WITHIN_S: f64 = 1e-3;
 
 /// A pass of an object through the field.

@@ -7,8 +7,8 @@ use skyloop_orbit::{Object, OrbitError, StateVector};
 use skyloop_render::attitude::{MAX_POSITION, MAX_SPEED};
 use thiserror::Error;
 
-/// Interval of the motion test, s, since SGP4's velocities differ from the change of its positions.
-/// Only for objects beyond their apogees.
+/// Interval of two positions that test the speed, s: SGP4's velocities may differ from it. Only for
+/// objects beyond their apogees.
 const MOTION_S: f64 = 0.1;
 
 /// Why there is no state.
@@ -69,9 +69,9 @@ fn apogee_m(object: &Object, epoch: Epoch) -> f64 {
     })
 }
 
-/// Whether `object`, without a state at an epoch by `error`, may have one within `half_s` (s). The
-/// error for an ephemeris has the times. Elements are tested at both ends, since they fail for
-/// longer than that, or not at all.
+/// Whether `object`, which has no state at an epoch because of `error`, may have one within
+/// `half_s` s. The error for an ephemeris has the times. Elements are tested at both ends: they
+/// fail for longer than that, or not at all.
 pub(super) fn may_have_near(
     object: &Object,
     error: &NoState,

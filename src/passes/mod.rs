@@ -1,10 +1,11 @@
 //! Passes of objects through a camera's field, their times and brightness, without frames.
 //!
-//! Time goes in steps. In each step [`Population::before`] gives the objects that may be in the
-//! cone of the field. For each of these the step is bisected. A part is finished when the image,
-//! even at its highest speed, cannot reach the edge of the detector: the object is in the field or
-//! out of it throughout. Bisection ends at [`Search::shortest_s`], so every longer pass is found,
-//! and shorter ones may be missed. A pass also begins or ends where the object's states do.
+//! The time span is divided into steps. In each step [`Population::before`] gives the objects that
+//! may be in the cone of the field. For each of these the step is bisected. A part is finished when
+//! the image, even at its highest speed, cannot reach the edge of the detector: the object is in
+//! the field or out of it throughout. Bisection ends at [`Search::shortest_s`], so every longer
+//! pass is found, and shorter ones may be missed. A pass also begins or ends where the object's
+//! states do.
 
 mod course;
 mod crossing;
@@ -33,8 +34,8 @@ use std::collections::{BTreeMap, BTreeSet};
 
 /// Length of a step, s: a low orbit moves 80 km in it.
 const STEP_S: f64 = 10.0;
-/// Steps of the pointing test where the pointing has no direction, s. The shorter ones serve where
-/// the longer ones miss such a time, as for an observer below the target limb.
+/// Steps of the search for times without a pointing direction, s. Shorter ones are tried if the
+/// longer ones miss such a time, as for an observer below the target limb.
 const GAP_STEPS_S: [f64; 3] = [STEP_S, 1.0, 0.1];
 
 /// The results of a search.
@@ -73,7 +74,7 @@ pub fn passes(
         };
         let searched: Result<Vec<Passes>, _> = parts.iter().map(within).collect();
         found = match searched {
-            // Without any pointing the error has the reason.
+            // If no part has a pointing direction, the error of the whole search has the reason.
             Ok(parts) if parts.is_empty() => break,
             Ok(parts) => {
                 for part in parts {
@@ -169,8 +170,8 @@ fn with_states(search: &Search, objects: &[Object]) -> Option<Search> {
     (part.from <= part.to && any()).then_some(part)
 }
 
-/// Whether an object has a state during a search. SGP4 fails for longer than a step, or not at the
-/// step's ends.
+/// Whether an object has a state during a search. Element sets are tested at the ends of steps: a
+/// failure of SGP4 there lasts longer than a step.
 fn has_states(object: &Object, search: &Search) -> bool {
     if let Orbit::Ephemeris(ephemeris) = &object.orbit {
         let within = |(start, end)| start <= search.to && end >= search.from;
@@ -182,8 +183,8 @@ fn has_states(object: &Object, search: &Search) -> bool {
     instants.any(|instant| known::state(object, instant, &Matrix3::identity()).is_ok())
 }
 
-/// The steps in which each object may be in the field, and the objects without a state. Those are
-/// tested in every step that may have states outside its middle.
+/// The steps in which each object may be in the field, and the reasons of objects without a state.
+/// A step also counts if the object has no state in its middle and may have one elsewhere in it.
 #[allow(clippy::type_complexity)]
 fn candidates(
     observer_track: &ObserverTrack,

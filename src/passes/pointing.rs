@@ -97,7 +97,7 @@ fn arrival(left: Epoch, target: &Object, flight: &Flight) -> Option<Epoch> {
     Some(at)
 }
 
-/// The last instant with an attitude between two instants, one of which has one; by bisection.
+/// First or last instant with an attitude between two instants, of which one has one; by bisection.
 fn edge([mut low, mut high]: [Epoch; 2], had: bool, has: &impl Fn(Epoch) -> bool) -> Epoch {
     while high - low > seconds(FINE_S) {
         let middle = low + (high - low) * 0.5;

@@ -14,7 +14,7 @@ pub struct Search {
     pub from: Epoch,
     /// The last instant, after the first.
     pub to: Epoch,
-    /// Every longer pass is found, s; smaller values count as a millisecond.
+    /// Every pass longer than this is found, s; values below a millisecond count as a millisecond.
     pub shortest_s: f64,
 }
 

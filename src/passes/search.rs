@@ -1,5 +1,5 @@
-//! Times of an object in the field: instants are bisected where its image, at its highest possible
-//! speed, may reach the edge.
+//! Times of an object in the field: a time interval is bisected if the image, at its highest
+//! possible speed, may reach the edge.
 
 use super::course::{ObserverTrack, Step};
 use super::field::Field;
@@ -166,7 +166,7 @@ impl ObjectSearch<'_> {
         self.lost.get_or_init(|| why.to_string());
     }
 
-    /// The instant inside the field at which it crosses the edge.
+    /// The instant at which the object crosses the edge, on the inner side.
     fn edge_between(&self, (known_s, inside): (f64, bool), other_s: f64) -> Result<f64, NoPasses> {
         let holds = |t_s: f64| Ok(self.is_inside(t_s)? == inside);
         let [before, after] = bisect([known_s, other_s], holds)?;
@@ -205,8 +205,7 @@ impl ObjectSearch<'_> {
         }))
     }
 
-    /// The instant between `low` and `high` with the least value of a quantity that has one
-    /// minimum.
+    /// The instant between both `ends` with the least value of a quantity that has one minimum.
     pub(super) fn least(
         &self,
         ends: [f64; 2],

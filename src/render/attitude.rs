@@ -5,8 +5,8 @@
 //! 2. An attitude is a unit quaternion in Hamilton's algebra, written `[x, y, z, w]` (scalar last),
 //!    that takes ICRF to body: `v_body = R(q) v_icrf` with `R(q) v = q v q^-1`. The camera's
 //!    mounting takes body to camera likewise.
-//! 3. Touchstone: `[-0.070834, -0.644137, 0.733522, -0.204975]` with identity mounting points +Z at
-//!    RA 248.112, Dec +9.215 degrees.
+//! 3. Check value: `[-0.070834, -0.644137, 0.733522, -0.204975]` with identity mounting points +Z
+//!    at RA 248.112, Dec +9.215 degrees.
 //! 4. Rates are the angular velocity of the body against ICRF in body axes: `dR/dt = -[w x] R`.
 //! 5. Camera axes: +Z boresight, +X along increasing column, +Y along increasing row. Pixel (0, 0)
 //!    is the centre of the first pixel; row 0 comes first in memory, on the wire and in files.
@@ -94,8 +94,8 @@ impl Attitude {
     }
 
     /// Right ascension, declination and roll (rad) of a camera of this attitude: the inverse of
-    /// [`Attitude::towards`]. They are geometric, without aberration. At a pole, where the right
-    /// ascension is arbitrary, the roll belongs to the returned one.
+    /// [`Attitude::towards`]. They are geometric, without aberration. At a pole the right ascension
+    /// is arbitrary, and the roll is the one for the returned right ascension.
     ///
     /// The rows of the rotation matrix are the camera's axes X, Y, Z in the ICRF; with up = -Y,
     /// east = (-sin ra, cos ra, 0), north = Z x east:
@@ -167,7 +167,7 @@ pub fn degrees_of_turn(angle: f64) -> f64 {
     if degrees < 360.0 { degrees } else { 0.0 }
 }
 
-/// The reported state of the vehicle at one instant: the latched command of a frame.
+/// The state of the vehicle at one instant, from attitude messages.
 #[derive(Debug, Clone, PartialEq)]
 pub struct VehicleState {
     /// The attitude message's own sequence number; part of the noise key.

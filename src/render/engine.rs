@@ -57,18 +57,18 @@ pub struct Emulator {
     pub choice: Choice,
     /// Whether frames include the expected electrons and the charge.
     pub keep_expected: bool,
-    /// The vector instructions for pixels; none: one by one, pass by pass. The result is the same.
+    /// The vector instructions for pixels; none for the scalar code. The result is the same.
     pub level: Option<Level>,
     /// Memory of earlier frames.
     memory: Memory,
     /// Memory of an earlier label: its objects and its text.
     label: (Vec<ObjectLabel>, String),
-    /// Work limit of a frame, s on one core for each megapixel, and at least that for smaller
-    /// frames; none: unlimited.
+    /// Work limit of a frame, s on one core per megapixel; frames below a megapixel have the limit
+    /// of one. None for no limit.
     pub work_limit_s: Option<f64>,
     /// Cancels the current frame, from another thread.
     pub abort: Abort,
-    /// The action against a late frame, for labels.
+    /// The policy applied because the frame would have been late, for labels.
     pub overrun: Option<&'static str>,
     next_frame: u32,
     rejected_records: u32,
@@ -239,7 +239,7 @@ impl Emulator {
             drop(plan);
             return Err(scene.abandon());
         }
-        // Bounds in the label may form images again.
+        // To compute error bounds for the label, images may be formed again.
         if scene.view.limit.is_exceeded() {
             return Err(scene.view.too_much(self.limit_s(camera)?));
         }
@@ -390,8 +390,8 @@ impl Emulator {
         })
     }
 
-    /// Limits of images: sources below read noise and quantisation have none, unless labels list
-    /// them.
+    /// The signal-to-noise ratios, with read noise and quantisation, below which sources have no
+    /// image. Sources that labels list have one.
     fn faint(&self, camera: &Camera, choice: &Choice) -> Faint {
         let read_e = allowed(choice).only_with(EffectId::ReadNoise, camera.detector.read_noise_e);
         Faint {

@@ -21,7 +21,7 @@ pub struct Footprint {
     spans: Vec<Span>,
     shares: Vec<f32>,
     evaluated: u64,
-    /// Its wings.
+    /// The drawing radius and the undrawn light of its samples.
     pub wings: Wings,
 }
 
@@ -35,7 +35,7 @@ pub struct Wings {
 }
 
 impl Wings {
-    /// The greater of both.
+    /// The greater value of each.
     fn and(&self, other: &Wings) -> Wings {
         Wings {
             drawn_px: self.drawn_px.max(other.drawn_px),
@@ -44,20 +44,21 @@ impl Wings {
     }
 }
 
-/// Light that is ignored, e-: its shares are close to subnormal numbers, which are slow.
+/// Fainter light is ignored, e-: its shares are close to subnormal numbers, which are slow.
 const MIN_E: f64 = 1e-20;
 
-/// Time of a pixel of a footprint, ns: two terms of signal-to-noise ratios, bounds, new memory.
+/// Time of a pixel of a footprint, ns: its terms of two signal-to-noise ratios, its bounds, and
+/// newly allocated memory.
 pub(crate) const PIXEL_NS: f64 = 9.0;
-/// The same for large footprints outside the caches, with drawing.
+/// The same for large footprints that exceed the caches, with drawing.
 pub(crate) const HELD_NS: f64 = 10.0;
 /// Time of a sample of a Gaussian streak, ns.
 pub(crate) const DOT_NS: f64 = 25.0;
 /// Time of each pixel around it, ns.
 pub(crate) const DOT_PIXEL_NS: f64 = 0.3;
 
-/// The spans of rows `reached` from one column up to another on a detector of that `width`, and
-/// their number of pixels.
+/// The spans of rows, each `reached` from a first column to the one past the last, on a detector of
+/// that `width`; and their total number of pixels.
 fn spans_of(reached: &[(i64, i64)], width: i64) -> (Vec<Span>, u32) {
     let mut total = 0;
     let spans = reached.iter().map(|&(from, past)| {
@@ -82,7 +83,7 @@ struct SampleSquare<'a> {
 }
 
 impl<'a> SampleSquare<'a> {
-    /// The squares of a track's samples that have pixels.
+    /// The squares of a track's samples that have pixels on the detector.
     fn of(
         track: &'a Track,
         camera: &'a Camera,
@@ -116,8 +117,8 @@ fn length(range: &Range<i64>) -> usize {
     (range.end - range.start) as usize
 }
 
-/// The first row that the squares touch, and the columns of each row from there: from one up to
-/// another. None without squares.
+/// The first row that the squares touch, and for each row from there the first column and the one
+/// past the last. None without squares.
 fn reached_rows(squares: &[SampleSquare<'_>]) -> Option<(usize, Vec<(i64, i64)>)> {
     let first_row = squares.iter().map(|square| square.rows.start).min()?;
     let past_row = squares.iter().map(|square| square.rows.end).max()?;
@@ -143,7 +144,7 @@ impl Footprint {
     }
 
     /// Spreads a track with the camera's PSF over the detector; empty once the work limit is over.
-    /// All vector instruction levels give the same.
+    /// All vector instruction levels give the same result.
     pub fn of(
         limit: &WorkLimit,
         track: &Track,
@@ -185,13 +186,13 @@ impl Footprint {
             }
             footprint.add(&square, fidelity, &mut stamp, &mut collected);
         }
-        // Shares of rows that open or close are sums with both signs.
+        // Shares of rows that open or close are sums of both signs, which may round below 0.
         let shares = footprint.shares.iter_mut();
         shares.for_each(|share| *share = share.max(0.0));
         footprint
     }
 
-    /// Adds the light of a sample, with two buffers.
+    /// Adds the light of a sample; `stamp` and `collected` are buffers.
     fn add(
         &mut self,
         square: &SampleSquare<'_>,
@@ -217,7 +218,7 @@ impl Footprint {
         });
         let rest = weight * undrawn;
         let whole = drawn.square == [columns.clone(), rows.clone()];
-        // A core narrower than a pixel has its own centre.
+        // Pixels shift the centroid of a narrower core; the rest must not compensate for that.
         let centre = if rest > 0.0 && whole && psf.core_px() > 0.4 {
             drawn.rest_around(*at, rest, &stamp.light)
         } else {
@@ -259,7 +260,7 @@ impl Footprint {
         }
     }
 
-    /// The sum of several, each with its part of the light; incomplete once `limit` is over.
+    /// The sum of footprints, each times its part of the light; incomplete once `limit` is over.
     pub(crate) fn sum(parts: &[(f64, Footprint)], limit: &WorkLimit) -> Footprint {
         let lit = || parts.iter().filter(|(_, part)| !part.shares.is_empty());
         let first_row = lit().map(|(_, part)| part.first_row).min().unwrap_or(0);
@@ -346,7 +347,7 @@ impl Footprint {
         }
     }
 
-    /// Its spans of `rows`.
+    /// The indices of its spans in `rows`.
     fn within(&self, rows: &Range<usize>) -> Range<usize> {
         let [from, to] = [rows.start, rows.end]
             .map(|row| row.saturating_sub(self.first_row).min(self.spans.len()));

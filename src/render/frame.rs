@@ -50,7 +50,7 @@ pub struct Tile<'a> {
     pub dn: &'a mut [u16],
     /// The key of its noise.
     pub key: NoiseKey,
-    /// The vector instructions that kernels use; none: pixel by pixel.
+    /// The vector instructions of kernels; none for the scalar code, pixel by pixel.
     pub level: Option<Level>,
 }
 

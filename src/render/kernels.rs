@@ -52,7 +52,7 @@ macro_rules! kernel {
                 fn avx2($($arg: $type),*) {
                     $body($($arg),*);
                 }
-                // A fair comparison: fused multiply-adds, no explicit vectors.
+                // With FMA, for a fair comparison of times, but without wide vectors.
                 #[target_feature(enable = "fma")]
                 fn fused($($arg: $type),*) {
                     $twin($($arg),*);
@@ -113,7 +113,7 @@ kernel! {
 }
 
 kernel! {
-    /// Widens the columns of rows to those that the circles of dots touch.
+    /// Widens each row's range of columns to include those that the circles of dots touch.
     reach_dots = ends_body, ends_twin (circle: &Circle, dots: &[Dot], ends: &mut Ends<'_>)
 }
 
@@ -238,9 +238,9 @@ fn fill(key: NoiseKey, effect: u8, base: usize, words: &mut [u32; BLOCK]) {
     }
 }
 
-/// The normal draws of words: first all by the central formula, then the tails, in one group of 35.
-/// Each step runs over the whole block: a processor cannot overlap whole draws of consecutive
-/// pixels.
+/// The normal draws of words: first all by the central formula, then those in the tails; one group
+/// of words in 35 has any. Each step runs over the whole block: a processor cannot overlap whole
+/// draws of consecutive pixels.
 #[inline(always)]
 fn normals_of(words: &[u32; BLOCK], normals: &mut [f32; BLOCK]) {
     for i in 0..BLOCK {
@@ -272,7 +272,8 @@ fn convert_body(converter: &Converter, electrons: &[f32], dn: &mut [u16]) {
     }
 }
 
-/// Not fused: rounding of the sums does not matter here, and no processor is slow at them.
+/// Without fused multiply-adds, which are slow on old processors: rounding of the sums does not
+/// matter here.
 #[inline(always)]
 fn ramp_body(from: f32, rise: f32, first: u32, electrons: &mut [f32]) {
     for (i, e) in electrons.iter_mut().enumerate() {

@@ -1,5 +1,5 @@
-//! The renderer: from a vehicle state to a labelled frame. No links, and no files but its own
-//! tables.
+//! The renderer: from a vehicle state to a labelled frame. It uses no links, and no files except
+//! camera files and its own tables.
 //!
 //! ```text
 //! VehicleState -> View -> Scene -> Plan -> Frame + Label

@@ -12,9 +12,9 @@ pub struct Step<'s> {
     pub effect: &'static Effect,
     /// The decision.
     pub decision: Decision<'s>,
-    /// Error bound by its assessment; for an effect that shapes images, before these were formed.
+    /// Error bound from its assessment: for an effect that shapes images, before these are formed.
     assessed: LazyBound<'s>,
-    /// Change of the drawn electrons without it, e-.
+    /// Change of the randomly drawn electrons without the effect, e-.
     drawn_e: f64,
 }
 
@@ -91,7 +91,7 @@ fn refusal(
     })
 }
 
-/// The error bound without `effect`, from the formed images and its assessment.
+/// The error bound without `effect`, from the formed images and the bound of its assessment.
 fn changed(effect: &Effect, scene: &Scene, assessed: ErrorBound) -> ErrorBound {
     match &effect.assess {
         Assess::Images(_, change) if assessed != ErrorBound::default() => change(scene, &assessed),
@@ -147,7 +147,7 @@ impl<'s> Plan<'s> {
                     .areas_light
                     .add_to(tile.level, tile.first, tile.electrons);
             })),
-            // One by one: their times differ.
+            // One task for each effect: their times differ.
             steps: EFFECTS.par_iter().with_max_len(1).map(step).collect(),
             scene,
         }
@@ -161,7 +161,7 @@ impl<'s> Plan<'s> {
         (!is_off).then(|| changed(step.effect, self.scene, *step.assessed))
     }
 
-    /// Change of drawn electrons (e-), if it is the only reason why the effect runs.
+    /// Change of the randomly drawn electrons (e-), if it is the only reason why the effect runs.
     pub fn needed_for_e(&self, step: &Step<'_>) -> Option<f64> {
         let fidelity = &self.scene.fidelity;
         let runs = matches!(step.decision, Decision::Run { .. });

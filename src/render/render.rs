@@ -29,8 +29,8 @@ thread_local! {
 /// Renders `scene` with the vector instructions of `level`; without a level pixel by pixel, pass by
 /// pass over the whole frame, on one thread. Pixels do not depend on level, bands, runs or threads.
 /// With `keep` the frame has the expected electrons and the charge too. It takes its buffers from
-/// `memory`. `done` gets the first pixel and the values of each band, on the band's thread, roughly
-/// from the top row on; it is not called if all bands complete together.
+/// `memory`. `done` gets the first pixel and the values of each complete band, on the band's
+/// thread, roughly from top to bottom; it is not called if all bands complete together.
 pub fn render(
     plan: &Plan<'_>,
     scene: &Scene,
@@ -82,8 +82,8 @@ pub fn render(
     frame
 }
 
-/// Resizes a buffer to the frame's pixels; it stays shorter once the frame is cancelled. A page of
-/// new memory takes 1 us, a large frame 100 ms.
+/// Resizes a buffer to the frame's pixels, piece by piece until the frame is cancelled: new memory
+/// takes 1 us per page, 100 ms for a large frame.
 fn grow<T: Copy + Default>(memory: &mut Vec<T>, scene: &Scene) {
     const PIECE: usize = 1 << 20;
     let pixels = scene.view.camera.detector.pixels();
@@ -157,7 +157,7 @@ fn bands(
         });
 }
 
-/// Consecutive passes over bands run band by band, up to a pass on the whole frame.
+/// Runs passes in order. Those between two passes on the whole frame run together, band by band.
 fn run(
     passes: &[&Pass<'_>],
     scene: &Scene,

@@ -19,15 +19,15 @@ pub fn together<R: Send>(work: impl FnOnce() -> R + Send) -> R {
         for _ in 1..rayon::current_num_threads() {
             scope.spawn(|_| stay(&done));
         }
-        // Also if the work panics.
+        // Sets `done` even if the work panics.
         let _done = WhenDropped(&done);
         work()
     })
 }
 
 /// Runs `work` on the pool's thread number `leader`, from 0. The other threads share it or, if
-/// `alone`, stay idle. None if there is no such thread. One call at a time: with `alone` it waits
-/// for all threads.
+/// `alone`, stay idle. None if there is no such thread. Calls must not overlap: with `alone` each
+/// waits for all threads.
 pub(crate) fn run_on<R: Send>(
     leader: usize,
     alone: bool,
@@ -38,7 +38,8 @@ pub(crate) fn run_on<R: Send>(
         return None;
     }
     let (work, done) = (Mutex::new(Some(work)), AtomicBool::new(false));
-    // A late thread could steal a part of the work and then wait for its end within it.
+    // Otherwise a late thread could steal a part of the work and, within it, start its own closure,
+    // which waits for the end of the work.
     let all_ready = Barrier::new(threads);
     let results = rayon::broadcast(|thread| {
         if alone {

@@ -178,7 +178,7 @@ fn passes_light(camera: &Camera, direction: &Vector3<f64>) -> bool {
     camera.optics.vignetting.transmission(direction) > 0.0
 }
 
-/// From edge to edge through the middle of the detector, deg: rows, columns, diagonal.
+/// Field of view through the middle of the detector, deg: along rows, columns and diagonal.
 fn field_deg(camera: &Camera) -> [f64; 3] {
     let [width, height] = camera.detector.sides();
     let (left, top) = (-0.5, -0.5);
@@ -208,7 +208,7 @@ fn field_deg(camera: &Camera) -> [f64; 3] {
         direction(at(seen))
     };
     ends.map(|[from, to]| {
-        // Through the middle: the field of a fisheye may exceed 180 deg.
+        // The sum of two angles, because the field of a fisheye may exceed 180 deg.
         let middle = direction(middle);
         let parts = [from, to].map(|end| angle_between(&last(end), &middle));
         (parts[0] + parts[1]).to_degrees()

@@ -64,7 +64,7 @@ fn every_setting_is_in_the_json_the_lines_and_the_table() {
             assert!(figure(error) >= 0.0, "{row}");
             assert!(!is_reference || figure(error) == 0.0, "{row}");
         }
-        // Budgets that are too large or too small.
+        // The error of the background has either sign; that of `reference` is zero.
         let most_e = if is_reference { f64::MIN_POSITIVE } else { 1.0 };
         assert!(figure("background_e").abs() < most_e, "{row}");
     }

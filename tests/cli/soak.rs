@@ -147,7 +147,7 @@ fn unsuitable_runs_are_refused_before_the_start() {
     );
 }
 
-/// At the camera's rate, the line can carry this level but not the file's.
+/// At the camera's rate, the line can carry the level `labels` but not that of the run file.
 #[test]
 #[cfg(target_os = "linux")]
 fn the_output_option_sets_the_level_of_a_soak() {

@@ -17,14 +17,14 @@ fn limiting_magnitudes_agree_with_the_snr_of_labels() {
         here.run(&format!("render --camera {camera} {sky}"))
             .exits(0);
         let label = &here.labels(camera)[0];
-        // Stars well inside the detector. Their light is between pixels and so spread over more of
-        // them, and the background differs.
+        // Stars within the frame. Their centres lie between those of pixels, so that the light is
+        // spread over more pixels, and the background differs.
         let mut off = Vec::new();
         for star in label["objects"].as_array().unwrap() {
             let [snr, mag] = ["snr", "band_mag"].map(|key| star[key].as_f64().unwrap_or(0.0));
             if star["in_frame"] == true && (4.0..6.5).contains(&snr) {
-                // Near the limit the SNR grows between the square root of the signal and the
-                // signal.
+                // Near the limit the SNR grows faster than the square root of the signal, and more
+                // slowly than the signal.
                 off.push(mag - limit + 2.5 * (snr / 5.0).log10());
             }
         }

@@ -123,8 +123,8 @@ fn planets_match_de440_and_another_program() {
             direction < bound && distance < 4e-4 && range_km < bound_km,
             "{what}"
         );
-        // For spacecraft the program adds a step beyond 3.1 and 1.9 degrees, which the Earth barely
-        // reaches.
+        // Beyond phase angles of 3.1 deg (Uranus) and 1.9 deg (Neptune), which are barely reached
+        // from the Earth, skyfield adds a step meant for spacecraft.
         let tolerance = match name {
             "Uranus" => 0.022,
             "Neptune" => 0.016,

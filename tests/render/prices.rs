@@ -6,7 +6,7 @@ use skyloop::measure::Bench;
 
 /// Shorter times (ms) are below the resolution of clock and caches.
 const MIN_MS: f64 = 0.02;
-/// These only add to tracks: differences of much longer times.
+/// These effects only slow down tracks: their times are differences of much longer times.
 const ONLY_TRACKS: [&str; 2] = ["distortion", "vignetting"];
 /// Maximum factor between a price and the median of its frame.
 const MAX_OFF: f64 = 5.0;

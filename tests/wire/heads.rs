@@ -86,7 +86,7 @@ fn each_camera_renders_each_attitude() {
 fn wall_clock_cameras_of_one_rate_expose_simultaneously() {
     let [first, second] = run_two(Clock::Wall, |mut first, mut second| {
         second.status();
-        // On the system time, which each camera reads itself.
+        // The client uses system time, which each camera reads itself.
         first.point(attitude(1), system_time());
         let [mut a, mut b] = [Vec::new(), Vec::new()];
         // Either may miss exposures. Times equal to the nanosecond are no coincidence.
@@ -116,7 +116,7 @@ fn only_the_first_client_pauses_all_cameras() {
     });
 }
 
-/// A pause by the first client affects all cameras without a question to their clients.
+/// A pause by the first client affects all cameras without the consent of their clients.
 #[test]
 fn a_pause_cancels_the_single_shot_of_a_further_camera() {
     let [_, second] = run_two(Clock::Wall, |mut first, mut second| {

@@ -97,9 +97,9 @@ fn frames_are_slow_by_the_bytes_of_their_packets() {
     }
 }
 
-/// Packets count as lost without a grant 0.5 s after their time on the line, 1.5 s each at 9,600
-/// baud. A client that polls without a pause, with two Pings in flight so that a reply always
-/// waits, gets the report too.
+/// Packets count as lost if no grant follows within 0.5 s of their time on the line (1.5 s each at
+/// 9,600 baud). A client that polls without a pause, with two Pings in flight so that a reply
+/// always waits, gets the report too.
 #[test]
 fn packets_still_on_a_slow_line_are_not_reported_as_lost() {
     for (polls, pause_ms) in [(1, 300), (2, 0)] {

@@ -22,7 +22,7 @@ pub struct Rates {
 }
 
 impl Rates {
-    /// Time from this frame to the next one: its bits, stuff bits included, over the load.
+    /// Time from this frame to the next one: its time with stuff bits, over the load.
     #[must_use]
     pub fn duration(&self, frame: &CanFrame) -> Duration {
         self.time(frame.exact_bits())

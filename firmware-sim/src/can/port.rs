@@ -32,7 +32,7 @@ pub(crate) const SLCAN: Scheme = Scheme {
 
 const REMEDY: &str =
     "check the adapter's cable, the interface (ip link), or what made the line (skyloop pty)";
-/// Limit of notices for a line that goes and comes all the time.
+/// Maximum number of notices, for a line that repeatedly goes down and comes back.
 const MAX_NOTICES: u32 = 20;
 /// Packets that may wait for sending.
 const OUTBOUND: usize = 16;

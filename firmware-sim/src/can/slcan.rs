@@ -230,7 +230,7 @@ impl CanBus for SlcanBus {
         if self.is_set_up && self.write_pending()? == Sending::Full {
             return Ok(Sending::Full);
         }
-        // After `Full` the caller repeats the frame: then `pending` holds its pending bytes.
+        // After `Full` the caller offers the same frame again: `pending` holds its remaining bytes.
         if self.pending.is_empty() {
             let line = Line::Frame {
                 frame: *frame,

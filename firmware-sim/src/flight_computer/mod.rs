@@ -35,11 +35,11 @@ use crate::time;
 const GRANT_AGAIN: Duration = TICK;
 /// Hint for an emulator that does not answer.
 const IDLE: &str = "One that another client has left without a Reset is free when that one has been silent for its idle_s (5 s)";
-/// The same for runs that end no fault.
+/// The same for a run without a command that ends a fault.
 const IDLE_OR_STUCK: &str = "One that another client has left without a Reset is free when that one has been silent for its \
     idle_s (5 s); a live fault that it has left behind ends by --fault stuck:in:0 (or down, out)";
 const STATUS_TIMEOUT: Duration = Duration::from_secs(1);
-/// The same after a request to stop.
+/// Time-out of the final `Status` after a request to stop.
 const SHORT_STATUS_TIMEOUT: Duration = Duration::from_millis(200);
 
 /// The flight computer's end of one or more links.
@@ -398,7 +398,7 @@ impl FlightComputer {
         flow
     }
 
-    /// Records packets that decide nothing.
+    /// Records a packet that does not end the wait for a frame.
     fn note(&mut self, incoming: Incoming, watch: &mut Watch<'_>) -> ControlFlow<()> {
         match incoming {
             Incoming::Nack(nack) => return self.note_nack(nack, watch),

@@ -20,7 +20,7 @@ struct Attempt {
     /// Number of copies that arrived damaged.
     damaged: u32,
     begin: Instant,
-    /// When a copy was sent, or a packet of a frame arrived.
+    /// When the last copy was sent, or the last frame packet arrived.
     moved: Instant,
 }
 

@@ -129,7 +129,7 @@ struct Numbers {
 
 impl Numbers {
     fn arrived(&mut self, number: u32) {
-        /// A larger step means another emulator's counter.
+        /// A larger step means that the emulator's counter was restarted.
         const MAX: u32 = 1000;
         let ahead = self.last.map_or(1, |last| number.wrapping_sub(last));
         if (1..=MAX).contains(&ahead) {

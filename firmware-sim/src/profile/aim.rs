@@ -32,8 +32,8 @@ pub struct Aim {
 
 /// Below this sine of the angle between them, target and `up` count as parallel: 0.006 deg.
 const PARALLEL: f64 = 1e-4;
-/// Half the base of the numeric derivative, s. Its relative error is (rate * step)^2 / 6: 2e-5 at 1
-/// rad/s.
+/// Half the interval of the central difference, s. Its relative error is (rate * step)^2 / 6: 2e-5
+/// at 1 rad/s.
 const STEP_S: f64 = 0.01;
 
 impl fmt::Debug for Aim {
@@ -61,7 +61,7 @@ impl Aim {
         Ok(across(&up, &target).is_none())
     }
 
-    /// Attitude and rates at `epoch`; without an orbit as seen from the Earth's centre.
+    /// Attitude and rates at `epoch`. Without an orbit the observer is the Earth's centre.
     pub(super) fn at(
         &self,
         epoch: Epoch,
@@ -69,7 +69,7 @@ impl Aim {
     ) -> Result<Pointing, ProfileError> {
         let state = state(epoch, orbit)?;
         let [target, up] = self.directions(epoch, &state)?;
-        // The same rule for all three instants keeps the rates continuous.
+        // The same substitute for "up" at all three instants keeps the rates continuous.
         let substitute = [Vector3::z(), Vector3::x()]
             .into_iter()
             .find(|axis| across(axis, &target).is_some())

@@ -108,7 +108,7 @@ fn along(
     epoch: Epoch,
     attitude: impl Fn(&StateVector) -> Result<UnitQuaternion<f64>, ProfileError>,
 ) -> Result<Pointing, ProfileError> {
-    /// Half the base of the numeric derivative, s: its error is quadratic, below 1e-7 of the
+    /// Half the interval of the central difference, s: the error is quadratic, below 1e-7 of the
     /// orbital rate.
     const STEP_S: f64 = 0.5;
     let state = orbit(epoch).map_err(|source| ProfileError::Orbit { epoch, source })?;

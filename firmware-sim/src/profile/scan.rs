@@ -8,8 +8,8 @@ use crate::pointing::{Pointing, turn};
 /// Longest turn-round, s. A scan that covers its half width in less time turns round in that time.
 pub(crate) const TURN_ROUND_S: f64 = 0.5;
 
-/// A scan to both sides of a start attitude about a body axis, without end, and before its start
-/// too.
+/// A periodic scan to both sides of a start attitude about a body axis. It also covers the time
+/// before its start.
 ///
 /// The angle is a triangle wave with rounded corners. The rate is constant, with a constant
 /// acceleration at each end, so that angle and rate are continuous. It starts in the middle,

@@ -18,9 +18,9 @@ enum State {
 }
 
 pub(super) struct Arrival {
-    /// After a later packet.
+    /// Whether a later packet arrived before it.
     pub(super) late: bool,
-    /// After a request.
+    /// Whether it had been requested.
     pub(super) requested: bool,
 }
 

@@ -35,8 +35,8 @@ pub(super) struct Partial {
     last_block: Instant,
     /// Arrival time of the current packet.
     now: Instant,
-    /// Time when a gap was found that is not requested yet, and one after the highest packet then
-    /// received.
+    /// A gap not requested yet: when it was found, and the number after that of the highest packet
+    /// received by then.
     gap: Option<(Instant, usize)>,
     /// Its missing packets are unavailable.
     pub(super) unavailable: bool,

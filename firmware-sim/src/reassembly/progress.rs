@@ -69,7 +69,7 @@ pub struct Run {
 pub struct Demand {
     /// Attitude of the requested frames; none: all frames.
     pub attitude: Option<u32>,
-    /// A packet is missing this long after a later one arrived.
+    /// Wait after a later packet until a packet counts as missing.
     pub wait: Duration,
     /// Includes packets requested before.
     pub again: bool,

@@ -23,9 +23,9 @@ pub struct Emulator {
     pub field: Field,
     pub alter: Alter,
     pub refuses: fn(u32) -> bool,
-    /// Copies of attitudes without a frame.
+    /// Whether this copy of an attitude gets no frame.
     pub drops: fn(copy: usize, attitude: u32) -> bool,
-    /// Copies of attitudes whose frame is sent only with the next one.
+    /// Whether the frame of this copy is sent only with the next one.
     pub delays: fn(copy: usize, attitude: u32) -> bool,
     /// Whether pixels and labels go out on this link.
     pub brings: (bool, bool),

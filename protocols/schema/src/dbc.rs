@@ -58,7 +58,7 @@ fn declaration(frame: &CanFrame) -> String {
         } else {
             ('+', (1_u64 << bits) - 1)
         };
-        // DBC numbers the bits of a byte from its last; a big-endian signal starts at its first.
+        // DBC counts from a byte's lowest bit; a big-endian signal starts at its highest bit.
         let start = at / 8 * 8 + (7 - at % 8);
         format!(" SG_ {name} : {start}|{bits}@0{sign} (1,0) [0|{max}] \"{unit}\" {to}\n")
     });

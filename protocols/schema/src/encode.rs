@@ -109,8 +109,8 @@ pub fn compressed(value: &Value) -> Result<(usize, Vec<u64>), String> {
     Ok((unsigned(member(value, "bits")?)? as usize, pixels?))
 }
 
-/// The elements of an array, flattened. `{ step, modulo, count }` is an array of so many multiples
-/// of `step`.
+/// The elements of an array, flattened. `{ step, modulo, count }` is an array of the first `count`
+/// multiples of `step`, from 0, each modulo `modulo`.
 ///
 /// # Errors
 /// The value has another form.

@@ -173,7 +173,7 @@ pub enum Rule {
 pub enum Kind {
     One(Number),
     Array(Number, usize),
-    /// Text in so many bytes.
+    /// Text of this number of bytes.
     Ascii(usize),
     /// The fields of a structure.
     Struct(String),

@@ -13,7 +13,7 @@ pub fn each<T>(items: impl IntoIterator<Item = T>, text: impl FnMut(T) -> String
     items.into_iter().map(text).collect()
 }
 
-/// Every line indented by so many spaces; empty lines stay empty.
+/// Every line indented by `spaces` spaces; empty lines stay empty.
 pub fn indent(text: &str, spaces: usize) -> String {
     each(text.lines(), |line| match line {
         "" => "\n".to_owned(),
@@ -26,7 +26,7 @@ pub fn braces(head: &str, body: &str) -> String {
     format!("{head} {{\n{}}}", indent(body, 4))
 }
 
-/// The same with a final line break.
+/// The same as [`braces`], with a final line break.
 pub fn block(head: &str, body: &str) -> String {
     braces(head, body) + "\n"
 }

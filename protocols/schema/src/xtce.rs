@@ -79,7 +79,7 @@ impl<'a> Declared<'a> {
         }
     }
 
-    /// Declares one and returns its entry in a container.
+    /// Declares a parameter or argument and returns its entry in a container.
     fn add(&mut self, name: &str, kind: &str, doc: &str) -> String {
         let (of, reference, doc) = (self.of, self.of.to_lowercase(), escape(doc));
         self.list += &empty(&format!(
@@ -107,7 +107,7 @@ impl<'a> Declared<'a> {
         })
     }
 
-    /// Declares the type of a field after `fixed` bytes of others and returns its name.
+    /// Declares the type of a field, where the other fields have `fixed` bytes; returns its name.
     fn type_of(&mut self, owner: &str, prefix: &str, field: &Field, fixed: usize) -> String {
         let own = format!("{owner}_{}_type", field.name);
         // Converts PKT_LEN in bytes to the bits of the last field.

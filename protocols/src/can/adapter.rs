@@ -50,8 +50,8 @@ impl Adapter {
 
     /// Processes a line from the host: passes the answer to `put` and returns the frame to send.
     ///
-    /// Settings can change only while the channel is closed, frames need it open. An empty line has
-    /// no answer.
+    /// Settings can change only while the channel is closed; frames are sent only while it is open.
+    /// An empty line has no answer.
     pub fn take(&mut self, line: &Line, put: &mut impl FnMut(u8)) -> Option<CanFrame> {
         let (answer, frame) = match *line {
             Line::Answer(Answer::Done) => return None,

@@ -3,7 +3,7 @@
 /// Which end of the bus.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Side {
-    /// Takes commands and attitudes.
+    /// Receives commands and attitudes.
     Emulator,
     /// The flight computer.
     Client,

@@ -191,7 +191,7 @@ fn words(
 }
 
 /// The bits of the truncated f32, and the remaining 29 bits of the mantissa. A magnitude below the
-/// smallest normal f32 becomes 0, above the largest infinity.
+/// smallest normal f32 becomes 0, one above the largest f32 becomes infinity.
 pub fn split(number: f64) -> (u32, u64) {
     let bits = number.to_bits();
     let sign = (bits >> 32) as u32 & 1 << 31;

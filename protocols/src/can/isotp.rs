@@ -57,7 +57,7 @@ pub struct Flow {
 }
 
 impl<'a> Pdu<'a> {
-    /// Reads a frame's data. `None`: unknown type, or a length to be ignored by 9.6.2 to 9.6.5.
+    /// Reads a frame's data. `None`: unknown type, or a length that 9.6.2 to 9.6.5 say to ignore.
     pub fn parse(data: &'a [u8]) -> Option<Self> {
         let (head, rest) = data.split_first()?;
         let low = head & 0xF;
@@ -143,7 +143,7 @@ impl Parameters {
         ..Self::CLASSIC
     };
 
-    /// Valid length of a full frame nearest to `frame_bytes`.
+    /// Length of a full frame: the next valid length from `frame_bytes` on; 8 on a classic bus.
     pub(crate) fn full(&self) -> usize {
         if self.fd {
             padded_length(self.frame_bytes.max(MAX_CLASSIC_DATA))

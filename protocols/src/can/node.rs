@@ -42,7 +42,7 @@ pub struct Node {
     sender: Sender,
     receiver: Receiver,
     collector: Collector,
-    /// The next frame is of the long lane: a plain packet was sent since its last frame.
+    /// The long lane sends next, if a frame is due: a plain packet was sent since its last frame.
     long_turn: bool,
     counts: Counts,
 }
@@ -143,8 +143,8 @@ impl Node {
         CanFrame::new(id, fd, piece?.bytes(padding))
     }
 
-    /// Time of the next call of [`next_frame`](Self::next_frame) without a send or receive: a frame
-    /// becomes due (0: is due now) or a timer expires.
+    /// Time of the next call of [`next_frame`](Self::next_frame) if nothing is sent or received
+    /// before it: a frame becomes due (0: is due now) or a timer expires.
     pub fn wake_at(&self) -> Option<u64> {
         let timers = [
             self.plain.map(|_| 0),

@@ -37,7 +37,7 @@ impl<'a> Check<'a> {
         }
     }
 
-    /// `values` if each lies within the limit of `key[]`; the error names the first other one.
+    /// `values` if each lies within the limit of `key[]`; the error names the first that does not.
     pub fn each_limit<const N: usize>(
         &self,
         limits: &[Limit],
@@ -78,8 +78,8 @@ impl<'a> Check<'a> {
         }
     }
 
-    /// The error of a file that `key` names. Where the file cannot be read, the error has the key;
-    /// faults in the file have their own.
+    /// The error of a file that is the value of `key`. If the file cannot be read, the error names
+    /// `key`; errors in the file name their own keys.
     pub fn named(&self, key: &str, error: ConfigError) -> ConfigError {
         match error {
             ConfigError::Read { .. } => self.explain(key, error),

@@ -115,8 +115,8 @@ pub(super) fn set<'i>(document: &mut DeTable<'i>, key: &str, value: Option<DeVal
     true
 }
 
-/// Removes the key at a span of the text; a quoted one may have dots and brackets. False without a
-/// key there.
+/// Removes the key at a span of the text: a quoted key may have dots and brackets, so its path is
+/// ambiguous. False if no key is there.
 pub(super) fn remove_at(table: &mut DeTable<'_>, span: &Range<usize>) -> bool {
     fn of_value(value: &mut DeValue<'_>, span: &Range<usize>) -> bool {
         match value {
@@ -134,7 +134,7 @@ pub(super) fn remove_at(table: &mut DeTable<'_>, span: &Range<usize>) -> bool {
     }
 }
 
-/// Renames a misspelt key, unless the meant one exists.
+/// Renames a misspelt key to `meant`, unless the table already has that key.
 pub(super) fn rename(document: &mut DeTable<'_>, key: &str, meant: &str) -> bool {
     let entry = table_around(document, key).and_then(|(table, name)| {
         let is_free = !table.contains_key(meant);

@@ -167,8 +167,8 @@ impl ConfigError {
         }
     }
 
-    /// Makes this the error of a rule between its key and `keys`. Where one of these is faulty,
-    /// only that is reported.
+    /// Makes this the error of a rule between its key and `keys`. If one of `keys` has a fault of
+    /// its own, only that is reported.
     pub fn needs(self, keys: &[&str]) -> ConfigError {
         ConfigError::Rule {
             needs: keys.iter().map(|key| (*key).to_string()).collect(),

@@ -51,7 +51,7 @@ impl Folder {
         }
     }
 
-    /// The folder with the file `name` of this one.
+    /// The folder that holds the file `name`, a path relative to this folder.
     pub fn folder_of(&self, name: &str) -> Folder {
         match self {
             Folder::Disk(folder) => Folder::of(&folder.join(name)),

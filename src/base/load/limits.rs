@@ -26,20 +26,20 @@ pub enum Allowed {
     Length(RangeInclusive<usize>),
     /// A text of this form: a regular expression of ECMA-262, Python and Rust.
     Form(fn() -> String),
-    /// A table with exactly one of these keys, each with its form in messages; true and non-empty
-    /// lists count.
+    /// A table with exactly one of these keys, each with its form in messages. False and empty
+    /// lists count as absent.
     OneOf(&'static [(&'static str, &'static str)]),
-    /// A table without both of these keys, of which errors name the first. True counts, zeros do
-    /// not.
+    /// A table that has at most one of these keys; errors name the first. False, empty lists and
+    /// zeros count as absent.
     NotBoth([&'static str; 2]),
-    /// A table that has the second key where it has the first.
+    /// A table that must have the second key if it has the first.
     Needs([&'static str; 2]),
-    /// A table without the first key where its list of the second key has several entries. Zeros do
-    /// not count.
+    /// A table that must not have the first key if the list of the second key has several entries.
+    /// Zeros count as absent.
     NotWithSeveral([&'static str; 2]),
     /// A table with a list of the first key: where it has several entries, each has the second key.
     EachOfSeveral([&'static str; 2]),
-    /// A table whose first key is its kind: for each kind the required keys and the optional ones.
+    /// A table whose kind is the value of this key; each kind has required and optional keys.
     Kind(&'static str, &'static [Kind]),
 }
 
@@ -65,7 +65,7 @@ pub(crate) fn text_of(schema: &Schema, key: &str) -> Option<String> {
     let mut texts = Vec::new();
     for (form, around) in &forms {
         let own = |name: &str| form.get(name).or(around.get(name));
-        // The end of 64 bits is not reported as a limit.
+        // The maximum of a 64-bit integer is not reported as a limit.
         let number = |name: &str| {
             let end = own(name).filter(|end| end.as_u64() != Some(u64::MAX));
             end.and_then(Value::as_f64)
@@ -100,8 +100,8 @@ pub(crate) fn is_number(schema: &Schema, key: &str) -> bool {
     forms_of(schema, key).iter().any(is_number)
 }
 
-/// The schemas of the value of a key, one for each of its forms, and the schema around them, which
-/// may have limits too.
+/// The schemas of a key's value, one for each of its forms, each with the schema around it, which
+/// may also have limits.
 fn forms_of<'s>(schema: &'s Schema, key: &str) -> Vec<(&'s Value, &'s Value)> {
     let root = schema.as_value();
     let mut found = vec![(root, root)];
@@ -141,8 +141,8 @@ fn forms<'s>(schema: &'s Schema, node: &'s Value) -> Vec<&'s Value> {
     }
 }
 
-/// Adds the ends of integer types: schemars omits those of 32 and 64 bits. Limits of keys replace
-/// them.
+/// Adds the maxima of integer types: schemars omits those of 32 and 64 bits. Limits of keys
+/// replace them.
 pub(crate) fn bound_integers<'s>(nodes: impl Iterator<Item = &'s mut Value>) {
     for node in nodes {
         match node {
@@ -166,7 +166,7 @@ pub(crate) fn bound_integers<'s>(nodes: impl Iterator<Item = &'s mut Value>) {
 /// Writes the limits into the schema of a file.
 pub(crate) fn apply(schema: &mut Schema, limits: &[Limit]) {
     for (pattern, allowed) in limits {
-        // Rules between keys apply to the schema with the keys.
+        // A rule between keys belongs to the schema of the table that has the keys.
         let found = pointer(schema, pattern).and_then(|pointer| match allowed {
             Allowed::Number(_)
             | Allowed::Word(_)

@@ -202,7 +202,7 @@ impl Report<'_> {
     }
 
     /// Whether a fault of `key` follows from a repair or from an unknown key. An unknown key may be
-    /// the one that its table lacks, or that a rule needs.
+    /// a misspelt form of a key that its table lacks or that a rule needs.
     fn follows(&self, key: &str, error: &ConfigError) -> bool {
         let is_misread = |need: &String| {
             let is_missing = value_at(self.original.get_ref(), need, false).is_none();
@@ -214,7 +214,7 @@ impl Report<'_> {
         };
         let is_of_misread = !key.is_empty() && self.misread.iter().any(|table| table == key);
         let lacks_more = is_of_misread && !error.is_of_value();
-        // The file has no value for a guessed key.
+        // A fault that names a guessed key follows from the guess: the file lacks that key.
         let message = error.to_string();
         let names_a_guess = |meant: &String| {
             meant.contains('.') && !within(key, meant) && message.contains(meant.as_str())
@@ -258,9 +258,9 @@ impl Report<'_> {
         set(self.document.get_mut(), &key, value)
     }
 
-    /// The replacement of a faulty key. A number in a list, which may need its length, becomes 0. A
-    /// key, or the only entry of a list, gets the value in the example. Where the value is faulty
-    /// (`is_value`) or missing, it may come from the table `spare`. Anything else is removed.
+    /// The replacement of a faulty key. A number in a list becomes 0, as the list may have a fixed
+    /// length. A key, or the only entry of a list, gets the value in the example. If the value is
+    /// faulty (`is_value`) or missing, it may come from the table `spare`. The rest is removed.
     fn replacement(
         &self,
         key: &str,
@@ -353,8 +353,8 @@ fn beyond(
     })
 }
 
-/// Whether a fault of `key` follows from the replacement of `done`: it lies within, is of the list
-/// around it, or of a rule that needs it or whose message names it.
+/// Whether a fault of `key` follows from the replacement of `done`. Then `key` lies within `done`
+/// or is the list around it, or a rule needs `done`, or the message names `done`.
 fn follows_from(key: &str, error: &ConfigError, done: &str) -> bool {
     let is_of = |need: &String| within(need, done) || within(done, need);
     if let ConfigError::Rule { needs, .. } = error
@@ -366,7 +366,7 @@ fn follows_from(key: &str, error: &ConfigError, done: &str) -> bool {
         ConfigError::Syntax { .. } => String::new(),
         other => other.to_string(),
     };
-    // Only the message after the location, which may have any words.
+    // Without the location, since a file name may have any words.
     let message = message.split_once(": ").map_or("", |(_, message)| message);
     let names = |name: &str| {
         let mut words = message.split(|c: char| !c.is_alphanumeric() && c != '_');

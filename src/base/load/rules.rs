@@ -126,7 +126,7 @@ impl Table<'_, '_> {
         let mut given = keys.iter().filter(|(name, _)| self.is_given(name));
         match (given.next(), given.next_back()) {
             (Some(_), None) => Ok(()),
-            // The last one, since the table is checked again without it.
+            // The error is of the last key, since the table is checked again without that key.
             (Some((first, _)), Some((last, _))) => Err(self.both_given(last, first)),
             (None, _) => {
                 let forms: Vec<&str> = keys.iter().map(|(_, form)| *form).collect();

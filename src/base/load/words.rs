@@ -76,8 +76,8 @@ pub fn advice(given: &str, known: &[impl AsRef<str>]) -> String {
     }
 }
 
-/// The known word nearest to `given`: one or two typing errors (Damerau's distance), or without its
-/// unit.
+/// The known word nearest to `given`, if within 1 to 3 typing errors, depending on the length
+/// (Damerau's distance). A missing or added end, such as a unit, is one error.
 pub fn nearest<'a>(given: &str, known: &[&'a str]) -> Option<&'a str> {
     let normalized = |word: &str| word.to_lowercase().replace('-', "_");
     let given = normalized(given);
@@ -92,7 +92,7 @@ pub fn nearest<'a>(given: &str, known: &[&'a str]) -> Option<&'a str> {
     };
     let meant = known.iter().min_by_key(|word| far(word))?;
     let letters = given.chars().count();
-    // All letters must not differ.
+    // At least one letter must agree.
     let near = far(meant) <= (letters / 3).clamp(1, 3) && far(meant) < letters;
     near.then_some(*meant)
 }

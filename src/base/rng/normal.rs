@@ -48,7 +48,7 @@ pub fn from_the_end(word: u32) -> u32 {
 /// Number of all words.
 const ALL: f32 = 4_294_967_296.0;
 
-/// `2^62 (1 - x^2)` for a number of words beyond.
+/// `2^62 (1 - x^2)` of a word, from the number of words [`beyond`] it.
 #[inline(always)]
 pub fn square_left(beyond: f32) -> f32 {
     beyond * (ALL - beyond)
@@ -80,7 +80,7 @@ fn ln_over_62(y: f32) -> f32 {
     (exponent as f32).mul_add(std::f32::consts::LN_2, poly)
 }
 
-/// Number of words beyond one that is not far.
+/// [`from_the_end`] of a word that is not far, in single precision.
 #[inline(always)]
 pub fn beyond(word: u32) -> f32 {
     from_the_end(word) as i32 as f32

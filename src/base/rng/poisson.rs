@@ -34,9 +34,9 @@ impl Switch {
     /// Switches, and upper bounds of the total-variation distance from Poisson (1).
     const KNOWN: [(f32, f64); 4] = [(WHOLE, 1e-6), (SEARCHED, 6e-5), (12.0, 1e-4), (6.0, 5e-4)];
 
-    /// The smallest switch with draws within `variation` (1) of Poisson, up to 2^20 e- (1e-4 up to
-    /// 5 million); beyond, single precision is the limit. At best draws are exact, except for the
-    /// word's 32 bits (1e-6 over thousands of draws).
+    /// The smallest switch whose draws are within `variation` (1) of Poisson up to 2^20 e- (for
+    /// 1e-4, 5 million e-). Beyond, single precision is the limit. The best switch has exact draws,
+    /// except for the word's 32 bits (1e-6 over thousands of draws).
     pub fn within(variation: f64) -> Switch {
         let known = Self::KNOWN.iter().rev();
         let mut within = known.filter(|(_, of)| *of <= variation);

@@ -30,7 +30,7 @@ pub struct Args {
     json: bool,
 }
 
-/// Most objects that a line names; JSON has all.
+/// Maximum number of objects named in a line; JSON has all.
 const NAMED: usize = 5;
 
 #[derive(Serialize, Default)]
@@ -54,13 +54,13 @@ struct FileReport {
     format: Option<&'static str>,
     #[serde(skip_serializing_if = "Option::is_none")]
     error: Option<String>,
-    /// Element sets, and objects with an ephemeris.
+    /// Number of element sets, and of objects with an ephemeris.
     records: usize,
     objects: usize,
     /// Epochs of the first and last element set; without sets, the coverage of ephemerides.
     first_epoch: Option<String>,
     last_epoch: Option<String>,
-    /// Whether these belong to element sets.
+    /// Whether `first_epoch` and `last_epoch` are of element sets.
     #[serde(skip)]
     has_sets: bool,
     /// Coverage of ephemerides, if the file has any.
@@ -326,7 +326,7 @@ impl FileReport {
     }
 }
 
-/// The first names, and a mark if there are more.
+/// The first names, and `...` if there are more.
 fn some(names: impl Iterator<Item = String>) -> String {
     let mut names: Vec<String> = names.take(NAMED + 1).collect();
     if names.len() > NAMED {

@@ -28,7 +28,7 @@ pub struct Args {
     records: Records,
 }
 
-/// Most objects listed in addition to the counts; JSON has all.
+/// Maximum number of objects listed in addition to the counts; JSON has all.
 const LISTED: usize = 40;
 
 #[derive(Serialize)]
@@ -39,7 +39,7 @@ struct Line {
     regime: Option<String>,
     deep: Option<bool>,
     sets: usize,
-    /// Epoch of the last set, as are all following values; for an ephemeris its first instant.
+    /// Epoch of the last set, to which all following values belong; the start of an ephemeris.
     epoch: Option<String>,
     #[serde(skip_serializing_if = "Option::is_none")]
     until: Option<String>,

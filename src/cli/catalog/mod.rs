@@ -20,7 +20,7 @@ pub enum Command {
     Synth(synth::Args),
 }
 
-/// Refuses `bytes` of a file that would be too long to read again, with a remedy.
+/// Refuses a file of `bytes` that is too long to be read again; the error has the `remedy`.
 fn fits(what: &str, format: Format, bytes: f64, remedy: &str) -> anyhow::Result<()> {
     const GIB: f64 = (1 << 30) as f64;
     if bytes > LARGEST_FILE as f64 {

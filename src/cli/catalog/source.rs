@@ -34,13 +34,13 @@ pub fn sources(
 }
 
 impl Source {
-    /// Whether it is not an orbit file, within a folder.
+    /// Whether it is a file in a folder, and not an orbit file.
     pub fn is_foreign(&self) -> bool {
         let error = self.contents.as_ref().err();
         !self.named && error.is_some_and(LoadError::is_foreign)
     }
 
-    /// Whether it is named and cannot be opened.
+    /// Whether the command line names it and it cannot be opened.
     pub fn is_missing(&self) -> bool {
         let error = self.contents.as_ref().err();
         self.named
@@ -49,9 +49,9 @@ impl Source {
 }
 
 /// The contents of an orbit file. Adds refused records and files without contents to `rejected`,
-/// and other files to `passed_over`.
+/// and files in folders that are not orbit files to `passed_over`.
 ///
-/// Errors: the file is named and cannot be opened.
+/// Errors: the command line names the file and it cannot be opened.
 pub fn readable(
     source: Source,
     rejected: &mut Vec<String>,

@@ -42,7 +42,7 @@ pub struct Args {
 }
 
 const POPULATION: &str = "population.toml";
-/// Its mark.
+/// Mark of a population file.
 const MARK: Mark = &["# A made-up population:"];
 /// The greatest catalogue number of a TLE: `Z9999`.
 const LARGEST_ALPHA5: u32 = 339_999;
@@ -109,8 +109,8 @@ impl Target<'_> {
     }
 }
 
-/// Refuses a file that would be too long to read again. The first objects of a population are those
-/// of any smaller one.
+/// Refuses a file that would be too long to read again. Its length is estimated from the first
+/// objects, which are the same for any number of objects.
 fn fits(file: &Path, format: Format, args: &Args) -> anyhow::Result<()> {
     let few = population(FEW.min(args.objects as usize), args.seed, args.epoch);
     let records: Vec<Record> = few.iter().map(Synthetic::record).collect();

@@ -1,4 +1,4 @@
-//! Joins the departures and arrivals of a soak's frames by camera and number.
+//! Matches the departures and arrivals of a soak's frames by camera and number.
 
 use skyloop::host::Memory;
 use skyloop::serve::Left;
@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 use std::sync::mpsc::Receiver;
 use std::time::{Duration, Instant};
 
-/// Time for the last packet after the deadline, or at the end after its departure.
+/// Extra time for the last packet: after the deadline, or at the end of the run after departure.
 const GRACE: Duration = Duration::from_secs(1);
 /// Maximum time between the departure and the arrival of a frame.
 const LONGEST: Duration = Duration::from_secs(60);
@@ -25,7 +25,7 @@ pub struct Joining {
     early_arrivals: BTreeMap<(usize, u32), Instant>,
     cameras: Vec<Camera>,
     begin: Option<Instant>,
-    /// Recorded exposures without a frame, by camera.
+    /// Number of recorded exposures without a frame, by camera.
     missed: BTreeMap<usize, u32>,
     /// The last sent frame of each camera, and its deadline.
     last: BTreeMap<usize, (u32, Option<Instant>)>,
@@ -73,7 +73,7 @@ impl Joining {
         let key = (camera, departure.times.frame);
         match self.early_arrivals.remove(&key) {
             Some(at) => self.record(camera, &departure, at),
-            // It will never arrive whole.
+            // A frame that was not sent completely cannot arrive whole.
             None if !departure.times.whole => self.add(camera, &departure.times),
             None => {
                 self.in_flight.insert(key, (departure, now));
@@ -98,7 +98,7 @@ impl Joining {
             let due = departure.deadline.map_or(latest, |due| due.min(latest));
             due + GRACE < now
         });
-        // The client has these frames, but no departure was reported.
+        // Arrivals whose departure was not reported.
         self.early_arrivals.retain(|_, at| *at + LONGEST > now);
     }
 
@@ -140,9 +140,9 @@ impl Joining {
         }
     }
 
-    /// Records the remaining frames. A frame that never arrived counts, unless it was sent
-    /// within the grace time and was not due when the clients `ended`. `missed`: exposures without
-    /// a frame of each camera, and its period.
+    /// Records the remaining frames. A frame counts as lost unless it was sent within the last
+    /// [`GRACE`] before the clients `ended`, and its deadline had not passed. `missed`: exposures
+    /// without a frame of each camera, and its period.
     pub fn end(mut self, ended: Instant, missed: &[(u32, Duration)]) -> Vec<Camera> {
         self.lose(|departure, left| {
             left + GRACE < ended || departure.deadline.is_some_and(|due| due < ended)

@@ -31,7 +31,7 @@ pub fn open_links(link: &str, config: &Config) -> anyhow::Result<(Vec<Links>, Ve
     let (mut links, mut ports) = (Vec::new(), Vec::new());
     for camera in 0..=config.cameras.len() {
         let (wire, port) = link::loopback(link, &options)?;
-        // Further cameras get the vehicle from the first one's client.
+        // Further cameras get the state of the vehicle from the client of the first camera.
         let truth = camera == 0;
         let roles = Roles {
             truth,
@@ -52,7 +52,7 @@ pub struct LiveRun<'a> {
     interrupted: &'a AtomicBool,
     /// Ends the servers.
     stop: AtomicBool,
-    /// Ends the clients before the time.
+    /// Ends the clients early.
     over: AtomicBool,
     /// When the first client stopped taking frames.
     ended: OnceLock<Instant>,
@@ -166,7 +166,7 @@ impl LiveRun<'_> {
         Some(server)
     }
 
-    /// Runs the client of a camera, which reports the frames that come whole.
+    /// Runs the client of a camera, and reports the frames that arrive whole.
     fn take(
         &self,
         camera: usize,
@@ -194,13 +194,13 @@ impl LiveRun<'_> {
     }
 }
 
-/// Makes each server report the frames that have left.
+/// Makes each server report the frames that it has sent.
 fn observe(servers: &mut [Server]) -> Receiver<(usize, Left)> {
     let (sender, left) = channel();
     for (camera, server) in servers.iter_mut().enumerate() {
         let sender = sender.clone();
         let on_left: OnLeft = Box::new(move |left| {
-            // The receiver ends last.
+            // The receiver outlives the senders.
             let _ = sender.send((camera, *left));
         });
         server.on_left(on_left);
@@ -208,7 +208,7 @@ fn observe(servers: &mut [Server]) -> Receiver<(usize, Left)> {
     left
 }
 
-/// A client for each camera: the first flies the mission, the others only receive.
+/// A client for each camera: the first sends the attitudes of the mission, the others only receive.
 fn clients(ports: Vec<ClientEnd>, mission: Mission) -> Vec<FlightComputer> {
     let listening = Mission {
         pace: Pace::Listen,

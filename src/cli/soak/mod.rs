@@ -1,5 +1,5 @@
-//! `skyloop soak`: minutes of a live run against own clients, and verdicts about deadlines and
-//! latencies.
+//! `skyloop soak`: a live run of several minutes against skyloop's own clients, and verdicts about
+//! deadlines and latencies.
 
 mod args;
 mod joining;
@@ -45,7 +45,7 @@ fn soak(args: &Args, outputs: &mut Outputs) -> anyhow::Result<()> {
     let rate_hz = args.rate.unwrap_or(2.0 * config.camera.rate_hz);
     check(args, &config, rate_hz)?;
     let interrupted = stop_at_ctrl_c().context("cannot watch for Ctrl-C")?;
-    // A run that ends without a verdict has failed.
+    // Until the verdicts are known, the files state a failed run.
     outputs.begin(args)?;
     let mission = mission(&config, file)?;
     let first = flight::vehicle(&mission, 0)?;
@@ -88,7 +88,7 @@ fn soak(args: &Args, outputs: &mut Outputs) -> anyhow::Result<()> {
     verdict::broken(&report.verdicts).map_or(Ok(()), |broken| bail!(broken))
 }
 
-/// Errors: the configuration cannot be soaked.
+/// Errors: the configuration does not allow a soak.
 fn check(args: &Args, config: &Config, rate_hz: f64) -> anyhow::Result<()> {
     let name = path_text(&args.config);
     if config.run.clock == Clock::Stepped {
@@ -101,7 +101,7 @@ fn check(args: &Args, config: &Config, rate_hz: f64) -> anyhow::Result<()> {
             "{name}: run.trigger is \"packet\", and the client of a soak sends none; leave it out, so that frames come at the camera's rate"
         );
     }
-    // A soak uses other links, but refuses the same ones as `run`.
+    // A soak does not use the links of the file, but refuses the same ones as `run`.
     live::check_links(config, &args.config)?;
     if args.link == "can" && !config.cameras.is_empty() {
         bail!(
@@ -119,8 +119,8 @@ fn check(args: &Args, config: &Config, rate_hz: f64) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// The mission with the wall clock, without an end. A list of attitudes becomes its first attitude,
-/// with its rates.
+/// The mission with the wall clock, without an end. A list of attitudes becomes a slew from the
+/// first one, with its rates.
 fn endless(mission: Mission, rate_hz: f64) -> anyhow::Result<Mission> {
     let (start, orbit) = (mission.start, mission.orbit.as_ref());
     let profile = match &mission.profile {

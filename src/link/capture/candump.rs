@@ -144,7 +144,7 @@ pub(crate) fn packets(frames: &[Record<CanFrame>]) -> Vec<Record<Bytes>> {
             let packet = Bytes::copy_from_slice(packet);
             packets.push(Record::plain(frame.at, frame.direction, packet));
         }
-        // Discard protocol answers: the recorded end sent its own.
+        // Discard the answers of this receiver: the recording has those of the recorded end.
         while end.next_frame(us).is_some() {}
     }
     packets

@@ -51,7 +51,7 @@ pub(crate) fn first(
             (Reply::PixelBlock(was), Reply::PixelBlock(is)) => pixel(width, &was, &is),
             (Reply::Windows(was), Reply::Windows(is)) => window(&was, &is),
             (Reply::Objects(was), Reply::Objects(is)) => object(&was, &is),
-            // The code of later pixels differs too, so only the byte is reported.
+            // The code of later pixels differs too, so only the first different byte is reported.
             (Reply::Compressed(was), Reply::Compressed(is)) if was.count == is.count => None,
             (Reply::Labels(was), Reply::Labels(is)) => text(was.text, is.text),
             (Reply::Status(was), Reply::Status(is)) => {

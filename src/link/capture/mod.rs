@@ -41,11 +41,11 @@ pub struct Record<P> {
     pub link: u32,
     /// Number of its exchange.
     pub exchange: u32,
-    /// Whether a poll found the queue empty before this packet: the emulator may have done other
-    /// work.
+    /// Whether a poll found the queue empty before this packet. The emulator may have done other
+    /// work in between.
     pub first: bool,
-    /// Frames rendered before the emulator took this packet (in). `None`: not recorded, and no
-    /// frame was being rendered.
+    /// Number of frames rendered before the emulator took this packet (inbound only). `None`: not
+    /// recorded; a replay assumes that no frame was being rendered.
     pub made: Option<u32>,
     /// The packet, or the frame.
     pub item: P,
@@ -169,8 +169,8 @@ impl WallTime {
 }
 
 impl Capture {
-    /// Opens `file` for a recording; [`Capture::begin`] changes it. `force` allows a file that
-    /// skyloop did not write.
+    /// Opens `file` for a recording; only [`Capture::begin`] replaces its contents. `force` allows
+    /// a file that skyloop did not write.
     fn create(
         file: &Path,
         force: bool,
@@ -391,7 +391,7 @@ fn write(file: String, to: impl Write, records: &Receiver<Message>) -> Result<u6
             failed = Some((error, taken - ends.len() as u64));
         }
         if is_over {
-            // Without a retry of the unwritten bytes.
+            // Dropping `to` would retry the unwritten bytes.
             let _ = to.into_parts();
             return match failed {
                 None => Ok(taken),

@@ -64,7 +64,7 @@ pub(crate) fn head(links: &[String], comments: &[String]) -> Vec<u8> {
     head
 }
 
-/// One packet as a block. The "queue" of the format holds its exchange.
+/// One packet as a block. The option for the queue (`epb_queue`) has the number of its exchange.
 pub fn block(record: &Record<Bytes>) -> Vec<u8> {
     let ns = record.at.as_nanos() as u64;
     let length = (TAGS.len() + record.item.len()) as u32;

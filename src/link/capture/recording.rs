@@ -1,7 +1,7 @@
 //! Reads a recording for a replay.
 //!
-//! A CAN bus is recorded behind the queue. So repeated packets stand where they were repeated,
-//! packets of a frame ended by a Reset follow the Reset, and lost packets are missing. Such a
+//! A CAN bus is recorded behind the outbound queue. So resent packets are at the time of the
+//! resend, packets queued before a Reset may follow it, and lost packets are missing. Such a
 //! recording is sorted first.
 
 use super::place::{Position, position_of};
@@ -29,9 +29,9 @@ pub struct Recording {
     pub on_the_bus: bool,
     /// Packets resent on request with other contents than the first time.
     pub(super) altered: BTreeMap<Position, Vec<Bytes>>,
-    /// Incomplete frames on the bus: the recorded packets are compared.
+    /// Number of incomplete frames on the bus. Their recorded packets are compared.
     pub torn: usize,
-    /// Frames not compared: some packets were recorded twice without a request.
+    /// Number of frames not compared, since packets were recorded twice without a request.
     pub doubled: usize,
 }
 
@@ -156,15 +156,15 @@ fn sort_keys(
 ) -> Vec<Option<SortKey>> {
     let mut sort_keys = vec![None; events.len()];
     for found in frames.values() {
-        // Packets are sent in order: one recorded after a later one was lost and resent.
+        // Packets are sent in order. A packet recorded after a later one was lost and resent.
         let mut next = usize::MAX;
         for (position, at) in found.positions.iter().rev() {
             next = next.min(*at);
             sort_keys[*at] = Some((next, *position));
         }
     }
-    // A Reset ends the current frame: its packets were sent before. The order of received packets
-    // is unchanged.
+    // A Reset ends the current frame, so it is placed after all packets of that frame. The order of
+    // received packets is unchanged.
     let mut earliest = 0;
     let received = |at: &usize| events[*at].direction == Direction::In;
     for at in (0..events.len()).filter(received) {

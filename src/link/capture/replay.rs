@@ -327,12 +327,12 @@ impl Outbox for Played {
         let frame = position.map(|position| position.frame);
         let left = frame.and_then(|frame| state.ends[link].left.get(&frame).copied());
         if state.on_the_bus && position.is_none() {
-            // Short answers overtake on the bus.
+            // On the bus, short answers overtake frame packets: they are not compared.
             return Ok(None);
         }
         let before = position.and_then(|position| state.sent.get(&position).cloned());
         if let Some(recorded) = before {
-            // Resent on request: on the bus it may have been recorded anywhere.
+            // A packet resent on request may be anywhere in a recording of the bus.
             replay.compare(&mut state, link, &recorded, packet);
             return Ok(None);
         }
@@ -340,11 +340,11 @@ impl Outbox for Played {
             return Ok(None);
         };
         if event.direction == Direction::In || event.link as usize != link {
-            // The recorded emulator first took a packet or sent over another link.
+            // Wait: the next event is a received packet, or a packet sent over another link.
             return Ok(Some(what));
         }
         if frame.is_some() && left.unwrap_or(0) == 0 {
-            // The recorded emulator dropped this frame here, so this one will too.
+            // The recorded emulator dropped this frame. Report a full queue to drop it again.
             state.silence.clear_idle();
             return Ok(Some(what));
         }
@@ -367,7 +367,7 @@ impl Outbox for Played {
         Ok(None)
     }
 
-    /// Answers as recorded: the recording does not state whether faults were possible.
+    /// Gives the recorded answer: the recording does not state whether faults were possible.
     fn injects(&self, _: FaultKind) -> Result<(), Cow<'static, str>> {
         let state = lock(&self.replay.state);
         match state.refusal(self.link) {
@@ -387,7 +387,7 @@ impl State {
         let own = |e: &&Record<Bytes>| e.direction == Direction::Out && e.link as usize == link;
         let mut answers = self.events.get(self.at..)?.iter().filter(own);
         answers.find_map(|event| {
-            // The first answer counts: sequence counts wrap.
+            // Only the first answer counts, since sequence counts wrap around.
             match (self.personality.decode_reply)(&event.item).ok()?.1 {
                 Reply::Ack(ack) if (ack.apid, ack.sequence_count) == taken => Some(None),
                 Reply::Nack(nack) if (nack.apid, nack.sequence_count) == taken => {
@@ -407,7 +407,7 @@ impl State {
             *left -= 1;
         }
         if let Ok((_, Reply::FrameHeader(header))) = (self.personality.decode_reply)(packet) {
-            // A known header is resent on request.
+            // The header of a known frame was resent on request.
             let known = |same: &Same| (same.frame, same.link) == (frame, link);
             if !self.progress.frames.iter().any(known) {
                 (end.width, end.due, end.crc) = (header.width, header.packets(), Crc32::new());

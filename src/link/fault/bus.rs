@@ -50,11 +50,11 @@ impl Damageable for CanFrame {
 
     fn packet(&self, bytes: usize) -> Shape {
         let items = match (self.id, self.payload()) {
-            // Begin; 7 numbers, with an orbit state 13; end.
+            // An attitude has a begin frame, 7 numbers (13 with an orbit state), and an end frame.
             (ATTITUDE_BEGIN, [flags, ..]) if flags & 0x10 != 0 => 15,
             (ATTITUDE_BEGIN, _) => 9,
             (TO_EMULATOR | FROM_EMULATOR, payload) => match Pdu::parse(payload) {
-                // All frames are as long as the first; one byte each is the sequence number.
+                // All frames are as long as the first. One byte of each is the sequence number.
                 Some(Pdu::First { length, .. }) => length.div_ceil(bytes.max(2) - 1),
                 _ => 1,
             },
@@ -113,7 +113,7 @@ impl BusFaults {
         })))
     }
 
-    /// Wraps them around an open bus.
+    /// Wraps the faults around an open bus.
     pub fn around(&self, bus: Box<dyn CanBus>) -> Box<dyn CanBus> {
         let faults = self.clone();
         Box::new(FaultyBus { bus, faults })

@@ -16,11 +16,11 @@ pub(super) trait Damageable: Clone {
     fn with_bytes(self, bytes: Vec<u8>) -> Self;
     /// Its description in the log: members of a JSON object.
     fn members(&self) -> String;
-    /// The packet that starts with this item of `bytes` bytes.
+    /// Shape of the packet that starts with this item; `bytes` is the length of the item.
     fn packet(&self, bytes: usize) -> Shape {
         Shape::one(bytes)
     }
-    /// The longest packet.
+    /// Shape of the longest packet.
     fn longest(&self) -> Shape {
         self.packet(MAX_PACKET)
     }

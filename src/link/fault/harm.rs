@@ -73,7 +73,7 @@ impl ItemState {
             }
             FaultKind::Duplicate => self.twice = true,
             FaultKind::Reorder => self.order = Order::Swapped,
-            // A loss: `is_loss`.
+            // All other kinds lose the item (`is_loss`).
             _ => {}
         }
         Some(Damage::ByKind)

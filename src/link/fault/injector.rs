@@ -90,7 +90,7 @@ impl<I: Damageable, O: Damageable> Injector<I, O> {
             return false;
         };
         let now = self.start();
-        // Before the answer can come.
+        // Stored before the command is passed on, so before its answer.
         self.exempt.add(header.apid, header.sequence_count);
         if is_bus || impossible(fault.kind).is_none() {
             match fault.direction {

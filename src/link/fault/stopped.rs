@@ -37,17 +37,17 @@ type Cause = (FaultKind, Option<Duration>);
 /// Requirements of a client to get frames.
 #[derive(Debug, Clone, Copy)]
 pub struct Needs {
-    /// How late a packet may be on both directions together.
+    /// Maximum sum of the delays in both directions.
     pub timeout: Duration,
     /// Whether each frame has packets of maximum length.
     pub long_packets: bool,
 }
 
-/// Effects of lasting faults on the items of one direction, since the last call.
+/// Effects of lasting faults on the items of one direction, since they were last taken.
 #[derive(Debug, Default)]
 pub(super) struct LastingEffects {
-    /// The main cause and the number of stopped items: for their own packets, and for packets of
-    /// maximum length.
+    /// Main cause and number of stopped items. The first entry is for the packet of each item, the
+    /// second for a packet of maximum length in its place.
     lost: [Option<(Cause, u64)>; 2],
     late: Late,
 }
@@ -130,7 +130,7 @@ fn chance(rule: &Rule, packet: Shape) -> f64 {
         FaultKind::Jitter if packet.in_order && value > MAX_SPACING.as_secs_f64() => {
             1.0 / libm::tgamma(n + 1.0)
         }
-        // All others within that time before or after the first.
+        // All other items must arrive within `MAX_SPREAD` before or after the first.
         FaultKind::Jitter if !packet.in_order => {
             let chance = (2.0 * MAX_SPREAD.as_secs_f64() / value).min(1.0);
             libm::pow(chance, n - 1.0)

@@ -130,7 +130,7 @@ pub fn wrap(
     })
 }
 
-/// Towards the emulator.
+/// The path of packets from the link to the emulator.
 struct RxPath {
     from: Inbox,
     to: InboxSender,
@@ -186,7 +186,7 @@ impl RxPath {
     }
 }
 
-/// From the emulator.
+/// The path of packets from the emulator to the link.
 struct TxPath {
     from: Receiver<Outbound>,
     to: Box<dyn Outbox>,
@@ -209,7 +209,7 @@ impl TxPath {
             // A panic reports itself.
             let _ = sender.join();
         }
-        // Only now: a link without a reader drops its queued packets.
+        // Set only now, since a link without a reader drops its queued packets.
         shared.ended.store(true, Ordering::Relaxed);
     }
 

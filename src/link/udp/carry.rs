@@ -22,7 +22,7 @@ use tokio::net::UdpSocket;
 use tokio::sync::Notify;
 use tokio::sync::mpsc::Receiver;
 
-/// Burst of a limited link after a late timer, which has a resolution of milliseconds.
+/// Maximum lag that a rate-limited link makes up for: the timers resolve milliseconds.
 pub(super) const BURST: Duration = Duration::from_millis(5);
 /// Datagrams received before the task yields.
 const RECEIVE_BATCH: u64 = 16;
@@ -350,7 +350,7 @@ async fn send(mut out: TxPath<'_>, mut departures: Receiver<Outbound>, limit: Op
         let free = pace.as_mut().filter(|_| bytes > 0);
         match free.map(|pace| pace.pass(bytes, now)) {
             Some(free) if free > now => tokio::time::sleep_until(free.into()).await,
-            // A late line catches up.
+            // The line lags behind its rate: send at once.
             Some(_) => {}
             // Received datagrams must not wait for the whole queue.
             None => tokio::task::yield_now().await,

@@ -43,8 +43,8 @@ pub(super) struct Proof {
     /// When it last got a Challenge, and how many in total.
     challenged: Option<Instant>,
     challenges: u16,
-    /// Bytes received and sent without proof. After a lapse, until a packet comes, those of the
-    /// last returned Challenge count.
+    /// Bytes received and sent without proof. Between a lapse and the next packet, only the last
+    /// returned Challenge counts as received.
     received: usize,
     sent: usize,
 }

@@ -8,7 +8,7 @@ use std::time::Duration;
 pub struct Memory {
     /// When the run is warm, s after its start.
     pub warm_s: f64,
-    /// Memory then, bytes.
+    /// Memory at that time, bytes.
     pub warm: Option<u64>,
     /// Memory at the end, bytes.
     pub end: Option<u64>,
@@ -30,7 +30,7 @@ impl Memory {
         }
     }
 
-    /// Reads the memory, if it is due.
+    /// Reads the memory, if a reading is due.
     pub fn sample(&mut self, since: Duration) {
         let warms = self.warm.is_none() && since.as_secs_f64() >= self.warm_s;
         let is_soon = |last| since.saturating_sub(last) < MIN_INTERVAL;

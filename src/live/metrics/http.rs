@@ -105,7 +105,7 @@ fn receive(stream: &mut impl Read, state: &State) -> io::Result<Option<(Verdict,
     Ok(None)
 }
 
-/// Whether the headers are complete within [`MAX`]. The first `before` bytes were not.
+/// Whether the headers are complete within [`MAX`]. The first `before` bytes alone are incomplete.
 fn is_whole(head: &[u8], before: usize) -> bool {
     let head = head.get(..MAX).unwrap_or(head);
     let new = head.get(before.saturating_sub(3)..).unwrap_or_default();
@@ -167,7 +167,7 @@ fn response(verdict: Verdict, page: impl Fn() -> String) -> (String, String) {
     (head, body)
 }
 
-/// Sends all bytes, while the client takes some.
+/// Sends all bytes within [`TIMEOUT`], unless the connection ends before.
 fn send(stream: &mut impl Write, mut rest: &[u8], state: &State) -> io::Result<()> {
     let end = Instant::now() + TIMEOUT;
     while !rest.is_empty() && !state.is_over() {

@@ -41,7 +41,7 @@ fn packets(camera: &Camera, output: &Output, roles: Roles) -> Vec<Packets> {
     all
 }
 
-/// Bytes of label text, about, by the solid angle of the field.
+/// Estimate of the bytes of label text, from the solid angle of the field.
 fn text_length(camera: &Camera) -> usize {
     let detector = &camera.detector;
     let [x, y] = [detector.width, detector.height].map(|n| n as f64 / camera.optics.focal_px);
@@ -58,7 +58,7 @@ fn bits_a_pixel(camera: &Camera) -> f64 {
     let detector = &camera.detector;
     let dark_e = detector.dark_e_s * camera.exposure_s;
     let noise_e2 = detector.read_noise_e.powi(2) + dark_e;
-    // Rounding to a digital number adds 1/12 of its square.
+    // Quantization adds a variance of 1/12 DN^2.
     let sigma_dn = (noise_e2 / detector.gain_e_per_dn.powi(2) + 1.0 / 12.0).sqrt();
     let entropy = libm::log2(sigma_dn * (4.0 * std::f64::consts::PI * std::f64::consts::E).sqrt());
     (entropy + 0.9).clamp(1.2, f64::from(detector.bits) + 0.3)

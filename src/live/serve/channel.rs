@@ -65,7 +65,7 @@ pub(super) struct Flow {
 #[derive(Debug, Default)]
 pub(super) struct Superseded {
     entries: Vec<Pending>,
-    /// The last one, and the bytes that had left the link at the first.
+    /// Number of the last one, and the bytes that had left the link when the first was replaced.
     pub frame: u32,
     pub bytes: u32,
 }
@@ -115,7 +115,7 @@ impl Channel {
         self.exchange.reset(output, lost_to_faults, now);
     }
 
-    /// Queues an answer. Beyond [`MAX_ANSWERS`] answers are lost.
+    /// Queues an answer. If [`MAX_ANSWERS`] already wait, the new one is lost.
     pub fn answer(&mut self, answer: Bytes) -> Result<(), LinkError> {
         if self.exchange.answers.len() >= MAX_ANSWERS {
             add(&mut self.lost, 1);

@@ -17,7 +17,7 @@ use skyloop_render::scene::{Exposure, shutter, turn_at};
 use std::sync::Arc;
 use std::time::Instant;
 
-/// State of the client that brings the truth.
+/// State of the client on the link that carries the truth.
 pub(super) struct Client {
     pub kind: Kind,
     pub clock: Box<dyn ExposureClock>,
@@ -78,7 +78,7 @@ impl Client {
         self.history.latest().is_some()
     }
 
-    /// Whether each `packet`, Attitude or Trigger, requests a frame. Frames at a cadence need none.
+    /// Whether every `packet` (Attitude or Trigger) requests a frame. At a cadence none does.
     pub fn is_requested_by(&mut self, packet: &str) -> bool {
         self.clock.cadence().is_none() && self.clock.requested_by() == packet
     }
@@ -141,8 +141,8 @@ impl Client {
         Ok(vehicle)
     }
 
-    /// Evaluates a time stamp. Returns with it the number of exposures that were dropped because
-    /// the client's clock was stepped.
+    /// Evaluates a time stamp. Also returns the number of exposures that were dropped because the
+    /// client's clock was stepped.
     pub fn observe_time(&mut self, time: Epoch, arrived: Instant) -> (TimeCheck, u32) {
         let check = self.clock.observe_time(time, arrived);
         if check != TimeCheck::Jumped {
@@ -156,7 +156,7 @@ impl Client {
         (check, self.clock.drop_requests())
     }
 
-    /// Accepts an attitude; returns whether one with a later time came before it.
+    /// Accepts an attitude; returns whether one with a later time was accepted before.
     pub fn latch(
         &mut self,
         vehicle: VehicleState,
@@ -177,9 +177,9 @@ impl Client {
         Ok(out_of_order)
     }
 
-    /// Whether an attitude is earlier than one before it; refuses it unless such attitudes are
-    /// used. An attitude too far in the future does not count, so that a wrong one does not block
-    /// the others.
+    /// Whether an attitude is earlier than one accepted before; refuses it if the run requires
+    /// order. Accepted attitudes too far in the future are ignored, so that a wrong one does not
+    /// block the others.
     fn is_out_of_order(
         &mut self,
         epoch: Epoch,

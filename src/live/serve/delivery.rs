@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 /// Evidence that a client takes data.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Progress {
-    /// Frame packets granted.
+    /// Frame packets for which the client has granted credit.
     pub credit: u32,
     /// Bytes that have left the link.
     pub bytes: u32,
@@ -33,12 +33,12 @@ pub(super) struct Delivery {
     pub stall: Stall,
     /// Whether the stall is in the log.
     pub reported: bool,
-    /// Number of packets removed without proof of address when the first packet was queued.
+    /// The link's count of packets removed without proof of address, at this frame's first packet.
     pub unproved: u32,
 }
 
 impl Delivery {
-    /// Of `frame`, to the present client of an exchange.
+    /// A delivery of `frame` to the present client of an exchange.
     pub fn new(frame: u32, entry: Pending, exchange: &Exchange, progress: Progress) -> Delivery {
         Delivery {
             frame,

@@ -23,7 +23,7 @@ fn without_credit(channel: &Channel) -> (Withheld, String) {
     let credit = &channel.exchange.credit;
     let (granted, sent) = (credit.granted(), credit.sent());
     match channel.exchange.window {
-        // It grants the received packets plus a window, so lost packets are missing.
+        // The client grants received packets plus a window, so lost packets reduce its grants.
         Some(window) if window != granted && granted.wrapping_sub(window) != sent => (
             Withheld::Lost,
             format!(
@@ -38,7 +38,7 @@ fn without_credit(channel: &Channel) -> (Withheld, String) {
     }
 }
 
-/// Why a frame is blocked on a link with or without room for it.
+/// Why a frame is blocked on a link; `has_room`: the link's queue has room for it.
 pub(super) fn standstill(channel: &Channel, has_room: bool) -> (Withheld, String) {
     if channel.wire.tally.awaits_proof() {
         return (Withheld::NoProof, "its address is not proved".to_string());
@@ -132,8 +132,8 @@ fn settle_superseded(channel: &mut Channel) {
     channel.report(why, &superseded(frame, &detail));
 }
 
-/// Number of sent packets missing from the client's grants, once per loss: more than it grants at
-/// once, some time after all have left.
+/// Number of sent packets that the client's grants do not show as received, once per loss. It must
+/// exceed the largest single grant, some time after all packets have left.
 fn lost_packets(channel: &mut Channel, now: Instant) -> Option<u32> {
     let Exchange {
         credit,

@@ -25,9 +25,9 @@ pub(super) struct Exchange {
     /// Whether the client has sent a valid Trigger.
     pub triggered: bool,
     pub credit: CreditAccount,
-    /// The first grant.
+    /// The first grant of credit, packets.
     pub window: Option<u32>,
-    /// The largest single grant since.
+    /// The largest single grant since, packets.
     pub step: u32,
     pub gaps: GapDetector,
     /// Content of each frame.

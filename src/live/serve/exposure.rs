@@ -191,7 +191,7 @@ fn begin_deliveries(state: &mut State, at: usize) {
     state.frames.begin(number, max, session, telemetry);
 }
 
-/// Drops the frame that was rendered.
+/// Drops the frame that is being rendered.
 pub(super) fn abandon(state: &mut State, at: usize) {
     let (session, telemetry) = (&mut state.session, &mut state.telemetry);
     state.frames.abandon(at, session, telemetry);

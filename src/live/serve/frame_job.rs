@@ -35,7 +35,7 @@ pub(super) struct FrameJob {
     pub exposed: Option<Box<ExposedFrame>>,
     /// Pixel values from the first pixel on, until the frame is complete.
     dn: Vec<u16>,
-    /// Rows beyond a gap, by their first pixel.
+    /// Rows that were rendered before the rows above them, by their first pixel.
     ahead: BTreeMap<usize, Vec<u16>>,
     pub first_pixel: Option<Instant>,
     pub last_pixel: Option<Instant>,

@@ -113,7 +113,7 @@ impl FrameQueue {
 
     /// Drops a frame whose rendering was cancelled. It keeps its number.
     pub fn abandon(&mut self, at: usize, session: &mut Session, telemetry: &mut Telemetry) {
-        // First, so that a frame that did not reach its client misses its deadline.
+        // Before the job is removed, so that a frame without a client counts as a missed deadline.
         self.end_unwanted(self.jobs[at].number, session);
         let job = self.jobs.remove(at);
         if let Some(request) = job.request {
@@ -157,7 +157,7 @@ impl FrameQueue {
                 continue;
             }
             let entry = channel.frames.open(&request);
-            // First, because a late proof lifts the mute.
+            // Evaluated in any case: a late proof of the address ends the mute.
             let is_muted = channel.is_muted();
             let has_gone = channel.has_gone(channel.exchange.number);
             if is_muted || has_gone || !channel.exchange.has_client {
@@ -169,7 +169,7 @@ impl FrameQueue {
             let older = channel.enqueue(delivery, max);
             superseded.extend(older.map(|older| (link, older)));
         }
-        // Without a client, no client has all of it.
+        // A frame without deliveries is complete for no client.
         job.whole = job.open > 0;
         for (link, older) in superseded {
             let channel = &mut session.channels[link];
@@ -220,7 +220,7 @@ impl FrameQueue {
         Ok(round)
     }
 
-    /// Ends a delivery or returns it, after a step.
+    /// After a step, ends the delivery, or returns it to be continued.
     fn after_step(
         &mut self,
         step: Step,
@@ -245,7 +245,7 @@ impl FrameQueue {
             }
             Step::NoCredit | Step::NoRoom => {
                 round.within(if is_full { RETRY } else { RECEIVE_TIME });
-                // While bytes leave, the client can only wait, which takes long on a slow line.
+                // While frame packets leave, a client on a slow line is not stalled.
                 let has_packets = delivery.waiting.is_some() || channel.carries_frames();
                 let stalled = delivery
                     .stall
@@ -254,7 +254,7 @@ impl FrameQueue {
                     self.drop_stalled(link, channel, delivery, !is_full, is_only);
                     return None;
                 }
-                // A packet on a slow link may take longer.
+                // On a slow link one packet may take longer than `SOON`.
                 let sends = is_full && !channel.wire.tally.awaits_proof();
                 let airtime = channel.wire.airtime.as_ref().filter(|_| sends);
                 if stalled >= standstill_timeout(airtime, SOON) {
@@ -369,7 +369,7 @@ impl FrameQueue {
         };
         let (why, cause) = of_unsent(lost);
         channel.frames.withhold(entry, cause);
-        // The link reports the end of the run itself; another client has lost nothing.
+        // The link itself reports the end of the run, and a new client did not expect this frame.
         if given_up.is_none() && channel.exchange.number == frame.exchange {
             let detail = format!("packets of frame {number} were given up in the link's queue");
             channel.report(why, &detail);

@@ -78,7 +78,7 @@ impl Condition {
 pub(super) fn attitude(state: &mut State, call: &Call<'_>, attitude: &Attitude) -> Done {
     let vehicle = state.client.vehicle(&call.header, attitude)?;
     if state.client.clock.awaits_time() {
-        // After a pause the client may continue at another time.
+        // After a pause the client may continue at an earlier time: later attitudes are dropped.
         state.client.history.drop_after(vehicle.epoch);
     }
     if let TimeCheck::Doubtful(ahead_s) = observe_time(state, vehicle.epoch, call.arrived())
@@ -281,7 +281,7 @@ pub(super) fn resend(
             return Ok(());
         }
     }
-    // The Credit of a pacing client shows what it has received.
+    // A client that sends Credit shows by it what it has received.
     if sent > 0 && channel.exchange.window.is_none() {
         let detail = format!(
             "{sent} packets of frame {frame} are requested again, and the client sends no Credit"
@@ -291,7 +291,7 @@ pub(super) fn resend(
     Ok(())
 }
 
-/// The link has injected the fault as the packet passed; here it is only refused.
+/// The link has injected the fault as the packet passed. This handler refuses unsupported kinds.
 pub(super) fn fault(state: &mut State, call: &Call<'_>, fault: &Fault) -> Done {
     let outbox = &state.session.channels[call.link].wire.outbox;
     let injects = outbox.injects(fault.kind);

@@ -13,7 +13,7 @@ use std::time::Instant;
 /// Maximum number of stored messages. They span several exposures at any client rate, because
 /// [`MIN_SPACING`] thins them out.
 const CAPACITY: usize = 512;
-/// Of messages closer to each other than this share of an exposure, only the newest is stored.
+/// Spacing of stored messages, as a share of the exposure: of denser ones the newest is stored.
 const MIN_SPACING: f64 = 1.0 / 64.0;
 
 /// An attitude that has been accepted.
@@ -75,7 +75,7 @@ impl History {
         let is_last = at == self.messages.len();
         self.messages.insert(at, latched);
         let spacing = seconds(exposure_s * MIN_SPACING);
-        // The message before it lies between two with less than the spacing.
+        // The previous message lies between two messages that are less than the spacing apart.
         if is_last
             && let Some(before) = self.messages.iter().rev().nth(2)
             && epoch - before.vehicle.epoch < spacing

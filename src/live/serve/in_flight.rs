@@ -13,7 +13,7 @@ use std::time::Duration;
 pub(super) struct InFlightFrame {
     /// Its times, except the end.
     pub left: Left,
-    /// When the complete frame could leave.
+    /// Time from the trigger until the frame was rendered and the device's delay was over.
     pub ready: Duration,
     pub link: usize,
     /// Position of its last packet in the link's queue, and its entry in the link's counters; none:
@@ -65,7 +65,7 @@ impl InFlight {
         self.0.push(frame);
     }
 
-    /// Takes a frame that has left its link, with its exit, or one that never will.
+    /// Takes a frame that has left its link, with its exit, or a frame that never will leave.
     pub fn take_tx_complete(
         &mut self,
         channels: &[Channel],

@@ -196,7 +196,7 @@ impl LatePolicy {
         for (_, level) in others.filter(|(i, _)| Some(*i) != measured) {
             level.render.pass();
         }
-        // Each rendered frame measures it.
+        // Each rendered frame measures the transmission, at any level.
         if measured.is_none() {
             self.transmission.pass();
         }

@@ -15,7 +15,7 @@ pub(super) fn packed(packing: Packing, pixels: &[u16], data: &mut [u8]) -> Resul
         kernels::pack_12(Some(Level::best()), pixels, data);
         return Ok(());
     }
-    // Two bytes a pixel, or an error.
+    // Pixels of two bytes, or arguments that are an error.
     pack(packing, pixels, data)
 }
 

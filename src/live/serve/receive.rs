@@ -173,7 +173,7 @@ fn refuse(
     let Refusal { reason, detail } = refusal;
     state.telemetry.counters.refuse(*reason);
     let is_requested = fail_refused(state, packet);
-    // At a cadence frames continue with the attitude before.
+    // At a cadence frames continue with the previous attitude.
     let is_first = packet == "Attitude" && !state.client.has_attitude();
     let channel = &mut state.session.channels[call.link];
     if packet == "Trigger" {

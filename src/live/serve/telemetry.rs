@@ -22,9 +22,9 @@ pub(super) fn add(counter: &mut u32, more: u32) {
 pub struct Left {
     /// Its times.
     pub times: FrameTimes,
-    /// The instant that they count from.
+    /// The instant from which these times count.
     pub trigger: Instant,
-    /// When it was late; none: never.
+    /// Its deadline; none: it is never late.
     pub deadline: Option<Instant>,
     /// Exposures without a frame until then.
     pub missed: u32,

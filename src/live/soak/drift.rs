@@ -11,7 +11,7 @@ pub struct Drift {
     /// Length of the compared parts.
     part: Duration,
     length: Duration,
-    /// The two times of the first frame.
+    /// Scene time and client's time of the first frame.
     zero: Option<(Epoch, Instant)>,
     /// Lowest latency in the first part and in the last, relative to the first frame, s.
     min_s: [Option<f64>; 2],

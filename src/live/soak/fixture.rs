@@ -12,7 +12,7 @@ pub(crate) const TIMES: FrameTimes = FrameTimes {
     ..FrameTimes::incomplete(0)
 };
 
-/// Limits without one on memory.
+/// Limits without a limit on memory.
 pub(crate) fn limits(max_miss_rate: f64, max_p99_ms: Option<f64>) -> Limits {
     Limits {
         max_miss_rate,

@@ -146,7 +146,7 @@ impl Sums {
         }
     }
 
-    /// Adds images that lost all light.
+    /// Adds images that are missing from the frame: each has lost all its light.
     fn lost(&mut self, images: usize) {
         let images = images as f64;
         self.images += images;

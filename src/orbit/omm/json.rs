@@ -23,16 +23,16 @@ pub(crate) fn begins(text: &str) -> bool {
     inside.is_empty() || inside.starts_with(['{', ']'])
 }
 
-/// Whether a line in another format begins a JSON object: a key follows its first brace. No name of
-/// an object has that.
+/// Whether a line in another format begins a JSON object: a key follows its first brace. No
+/// satellite's name begins like that.
 pub(crate) fn begins_object(text: &str) -> bool {
     let inside = text.trim_start_matches(|c: char| c == '[' || c.is_whitespace());
     let inside = inside.strip_prefix('{').map(str::trim_start);
     inside.is_some_and(|inside| inside.starts_with(['"', '}']))
 }
 
-/// Reads every object. Objects are flat: one ends at the first closing brace. It is not closed
-/// where another opens before.
+/// Reads every object. Objects are flat: one ends at the first closing brace. It counts as not
+/// closed where another opens before that.
 pub(crate) fn read(part: &Part, found: &mut Contents) {
     let (text, mut finder) = (part.text, part.finder());
     let first = lines::start(text);

@@ -50,7 +50,7 @@ pub(crate) enum Key {
     /// Drag of SGP4-XP; the next is its solar radiation pressure.
     BallisticTerm,
     RadiationTerm,
-    /// Fraction of EPOCH in older classes of Space-Track; the next is their OBJECT_ID.
+    /// Fraction of EPOCH in older API classes of Space-Track; the next is their OBJECT_ID.
     EpochMicroseconds,
     OldDesignator,
     /// Refused with TEME: SGP4 gives TEME of date.
@@ -116,7 +116,7 @@ impl Key {
     }
 }
 
-/// The values of one message, each with its location: a line or an offset, by notation.
+/// The values of one message, each with its location: a line in KVN and CSV, else an offset.
 pub(crate) struct Fields<'a> {
     /// Location of the message.
     start: usize,

@@ -165,7 +165,8 @@ impl Batch {
         found
     }
 
-    /// Integrates resonances to near an instant. This saves time and does not change states.
+    /// Integrates resonances to less than a step before an instant. Later calls take less time, and
+    /// their states are the same.
     pub(crate) fn advance_to(&mut self, t: Epoch) {
         self.advance(When::At(Instant::of(t)));
     }
@@ -196,8 +197,8 @@ impl Batch {
         }
     }
 
-    /// Calls `each` with the states of each object in turn, at the same `N` instants, up to
-    /// [`BLOCK`].
+    /// Calls `each` with the states of each object in turn, at the same `N` instants (`N` is at
+    /// most [`BLOCK`]).
     pub fn states_at<const N: usize>(
         &self,
         objects: &[usize],
@@ -233,7 +234,7 @@ impl Batch {
         self.of_kinds(requested, states);
     }
 
-    /// Compiled in this crate alone, for both callers above.
+    /// Instantiated in this crate alone, by both callers above, which are not generic.
     fn of_kinds<A: Request>(&self, requested: &[A], states: &mut [BlockStates]) {
         let ends = self.ends();
         let kind = |requested: &A| ends.iter().filter(|end| requested.block() >= **end).count();

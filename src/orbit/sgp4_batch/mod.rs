@@ -6,9 +6,9 @@
 //! ```
 //!
 //! Blocks are sorted by kind of orbit: near-Earth, deep-space, and deep-space in resonance with a
-//! day or half a day. All other cases are masks. The constants come from the `sgp4` crate. Its
-//! scalar propagation ([`Elements::state_teme`](crate::Elements::state_teme)) is the reference in
-//! tests.
+//! day or half a day. Masks handle all other cases within a block. The constants come from the
+//! `sgp4` crate. Its scalar propagation ([`Elements::state_teme`](crate::Elements::state_teme)) is
+//! the reference in tests.
 //!
 //! | module | content |
 //! |---|---|

@@ -13,7 +13,7 @@ pub trait Model: Default + Send + Sync {
     const SITE: Site;
 
     fn set(&mut self, i: usize, elements: &Elements, constants: &ModelConstants);
-    /// Integrates to near an instant, and stores the integrator's state.
+    /// Integrates to less than a step before an instant, and stores the integrator's state.
     fn advance<S: Simd>(&mut self, _: Part<S>, _: When) {}
     fn secular(&self) -> &Secular;
     /// The mean elements `t` min after the epochs, with all but the short-period perturbations.

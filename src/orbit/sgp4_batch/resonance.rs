@@ -42,7 +42,7 @@ pub(crate) trait Resonance: Default + Send + Sync {
 
     fn set(&mut self, i: usize, mean_motion: f64, constants: &constants::Resonant);
 
-    /// Integrates to near `t` min after the epoch, and stores the state.
+    /// Integrates to less than a step before `t` (min after the epoch), and stores the state.
     fn advance<S: Simd>(&mut self, _: Part<S>, _: &Secular, _: Lanes<S>) {}
 
     /// Mean elements `t` min after the epoch, with the node p22 and the perigee p23 at that time.

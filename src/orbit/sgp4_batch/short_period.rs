@@ -15,8 +15,8 @@ const J3: f64 = sgp4::WGS72.j3;
 /// Limits of Newton's method, as in the reference: number of steps, and size of a step, rad.
 const STEPS: usize = 10;
 const LONGEST_STEP: f64 = 0.95;
-/// A step (rad) after which no other is needed: the error is e/2(1 - e) of its square, 5e-13 rad at
-/// e = 0.99.
+/// A step (rad) after which no other is needed: the error is e/(2(1 - e)) times its square, 5e-13
+/// rad at e = 0.99.
 const LAST_STEP: f64 = 1e-7;
 
 /// Failure codes, or 0. The first failure counts.

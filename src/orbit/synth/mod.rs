@@ -198,9 +198,9 @@ fn plane(
             };
             (libm::acos(cos) + spread, node)
         }
-        // The Laplace plane's node is the vernal equinox: its pole is (0, -sin L, cos L). The
-        // orbit's pole is the Earth's, p = (0, 0, 1), rotated about it: h = p cos + (L x p) sin + L
-        // (L . p) (1 - cos).
+        // The Laplace plane's node is the vernal equinox: its pole is L = (0, -sin l, cos l). The
+        // orbit's pole h is the Earth's, p = (0, 0, 1), rotated about L: h = p cos + (L x p) sin +
+        // L (L . p) (1 - cos).
         Inclination::Abandoned => {
             let (sin_l, cos_l) = libm::sincos(LAPLACE_DEG.to_radians());
             let (sin, cos) = libm::sincos(draw.angle());

@@ -17,8 +17,8 @@ const METADATA: [(Key, &str); 4] = [
     (Key::Theory, "SGP4"),
 ];
 
-/// The fields of a record: [`OBJECT`] of the object, then [`ELEMENTS`] of the mean elements, then
-/// those of the TLE.
+/// The fields of a record: first [`OBJECT`] fields of the object, then [`ELEMENTS`] mean elements,
+/// then the fields of the TLE.
 type Fields = [(Key, String); 17];
 const OBJECT: usize = 2;
 const ELEMENTS: usize = 7;

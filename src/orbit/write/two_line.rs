@@ -11,7 +11,7 @@ use hifitime::{Duration, Epoch};
 
 /// Longest name in a name line.
 const LONGEST_NAME: usize = 24;
-/// The columns of set number and revolution hold the last digits.
+/// Set number and revolution are written modulo these: their columns hold only the last digits.
 const SETS: u32 = 10_000;
 const REVOLUTIONS: u32 = 100_000;
 /// Resolution of epochs, a hundred-millionth of a day, ns.

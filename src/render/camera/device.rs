@@ -24,7 +24,7 @@ pub struct Camera {
     pub radiation: Option<Radiation>,
     /// Default exposure time, s.
     pub exposure_s: f64,
-    /// Own frame rate, Hz.
+    /// The camera's frame rate, Hz.
     pub rate_hz: f64,
     /// Timing of the rows.
     pub shutter: Shutter,
@@ -40,7 +40,7 @@ impl Camera {
             * self.optics.aperture_area_m2()
     }
 
-    /// From the first row's opening to the last row's, s.
+    /// Time from the opening of the first row to that of the last row, s.
     pub fn readout_s(&self) -> f64 {
         self.shutter.readout_s(self.detector.height)
     }

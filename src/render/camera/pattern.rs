@@ -79,7 +79,7 @@ const DEAD: u8 = 243;
 const STUCK: u8 = 244;
 
 impl PatternStats {
-    /// With every number limited to 0 up to what single precision holds.
+    /// The same, with every number limited to 0 to 1e30: single precision holds it.
     fn bounded(&self) -> PatternStats {
         const MAX: f64 = 1e30;
         let bounded = |value: f64| nearest(value, 0.0..=MAX);

@@ -9,13 +9,13 @@ pub enum Shutter {
     /// Row after row, from row 0 on: row r collects light for the exposure time around
     /// `mid + (r - (rows - 1) / 2) row_s`.
     Rolling {
-        /// From one row to the next, s.
+        /// Time from one row to the next, s.
         row_s: f64,
     },
     /// All rows together without a shutter: the image is shifted row by row below a cover, and
     /// collects light during the shift.
     FrameTransfer {
-        /// Shift of one row, s.
+        /// Time to shift the image by one row, s.
         row_s: f64,
     },
 }
@@ -34,7 +34,7 @@ impl Shutter {
         }
     }
 
-    /// From the first row's opening to the last row's, s.
+    /// Time from the opening of the first row to that of the last row, s.
     pub fn readout_s(&self, rows: usize) -> f64 {
         match self {
             Shutter::Rolling { row_s } => rows.saturating_sub(1) as f64 * row_s,

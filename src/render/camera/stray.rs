@@ -17,7 +17,7 @@
 pub struct Stray {
     /// Angle (rad, rising), logarithm of the PST, and its slope there (1/rad).
     points: Vec<[f64; 3]>,
-    /// Closer to the boresight than this (rad) the Sun saturates the frame.
+    /// Angle from the boresight (rad) within which the Sun saturates the frame.
     pub sun_exclusion: f64,
 }
 

@@ -16,8 +16,8 @@ use crate::scene::bounds::{
 };
 use crate::scene::{AreaLight, BLURRED_NS, EDGE_NS, EffectId, RasterWork, SPREAD_NS, Scene};
 
-/// Time of a pixel that is sampled or blurred, ns: adding it up and drawing it; and of an
-/// interpolated pixel.
+/// Time that a sampled or blurred pixel takes in addition to [`EVEN_NS`], and time of each pixel,
+/// ns.
 const PIXEL_NS: f64 = 3.3;
 const EVEN_NS: f64 = 0.7;
 

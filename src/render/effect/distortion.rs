@@ -77,7 +77,7 @@ fn change(scene: &Scene, bound: &ErrorBound) -> ErrorBound {
         let [a, b] = [&ideal, &optics.projection].map(|by| optics.project_by(by, &seen));
         let (a, b) = a.zip(b)?;
         let off_px = libm::hypot(a[0] - b[0], a[1] - b[1]);
-        // Along the track it is little more.
+        // Elsewhere on the track the displacement is only slightly greater.
         (source.length_px() < 1.0).then_some(1.1 * off_px + 1.0)
     };
     let e = changed_e(scene, &other, enters, faint, |image| {

@@ -10,9 +10,9 @@
 //! Validity: dv is a parabola through start, mid and end; the Earth's own acceleration, 0.006
 //! m/s^2, is left out.
 //!
-//! Without it a star is off by d at the ends of the exposure, but hardly on average. With a half of
-//! its track without drift and b the mean of the parabola, the second moment or the slope of the
-//! streak bounds the change:
+//! Without it a star is displaced by d at the ends of the exposure, but hardly on average. Let a be
+//! half the length of its track without drift, and b the mean of the parabola. The second moment or
+//! the slope of the streak bounds the change:
 //!
 //! ```text
 //! dN <= min(N_0 (0.61 b / s + (a d + d^2 / 2) / (3 s^2)), 0.86 N d / s)

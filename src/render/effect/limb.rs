@@ -35,7 +35,7 @@ pub(crate) const LIMB: Effect = Effect::light(EffectId::Limb, "limb", |scene, _|
     "no air in the field is lit, and none shines in the band",
 );
 
-/// Above the first height (m), detail is no smaller than the second (m). Above the mesopause's
+/// Pairs of a height (m) and the smallest size (m) of detail above it. Above the mesopause's
 /// airglow there are only the red lines, 40 km high; above their peak all light decays smoothly
 /// over three scale heights.
 const PLAIN: [[f64; 2]; 2] = [[245e3, 120e3], [130e3, 40e3]];

@@ -101,7 +101,7 @@ impl Effect {
         Effect::of(id, name, Stage::Light, Assess::Pixels(assess))
     }
 
-    /// An effect on drawn electrons.
+    /// An effect on randomly drawn electrons.
     const fn charge(id: EffectId, name: &'static str, assess: AssessPixels) -> Effect {
         Effect::of(id, name, Stage::Charge, Assess::Pixels(assess))
     }
@@ -190,7 +190,7 @@ pub enum Stage {
     Images,
     /// Adds or removes expected electrons.
     Light,
-    /// Turns expected electrons into drawn ones, moves or clips them.
+    /// Draws electrons from their expectation, moves or clips them.
     Charge,
     /// Turns electrons into digital numbers, or changes digital numbers.
     Dn,
@@ -202,8 +202,8 @@ pub struct Assessment<'s> {
     pub because: Cow<'static, str>,
     /// Bound of the error without it.
     pub error: LazyBound<'s>,
-    /// Change of the drawn electrons without it, of one pixel or of the frame, e-. `error` covers
-    /// expectations only. The effect runs if either exceeds the tolerance.
+    /// Change of the randomly drawn electrons without it, of one pixel or of the frame, e-. `error`
+    /// covers expectations only. The effect runs if either exceeds the tolerance.
     pub drawn_e: f64,
     /// Estimated time, ms on one core.
     pub estimated_ms: f64,

@@ -6,7 +6,7 @@
 //! ```
 //!
 //! with all its light E by Clark et al. 2021, Eq. (1), of the magnitude of Kieffer & Stone 2005
-//! (phase and opposition surge), and the shares s of half a pixel's squares by the law of Lommel
+//! (phase and opposition surge), and the shares s of squares half a pixel wide by the law of Lommel
 //! and Seeliger (`sky::moon`). Parts behind the Earth or in its shadow are dark; the umbra has no
 //! red light of the air.
 //! Reference: Kieffer & Stone 2005 (AJ 129, 2887).

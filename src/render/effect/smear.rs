@@ -2,8 +2,8 @@
 //!
 //! A source's light is spread over its true track, `N_xy = N int PSF(x - x(t), y - y(t)) dt /
 //! t_int`: the same time on equal parts of the exposure, so a slow part of the track is brighter
-//! (see `track`). Without it each image stands still at the middle of the exposure. Its ends are
-//! then half the track's length L off. A pixel's light is off by at most `min(1, L^2 / (24 s^2) +
+//! (see `track`). Without the effect each image stands still at its place of mid-exposure, half the
+//! track's length L from the ends. A pixel's light then errs by at most `min(1, L^2 / (24 s^2) +
 //! 0.61 b / s)` of the still image's peak, for a PSF of width s (second order of the integral) and
 //! a centroid error b. A rolling shutter adds its own shift of moving images.
 //!
@@ -46,8 +46,8 @@ fn assess(view: &View, simulated: &EffectSet, fidelity: &Fidelity) -> Assessment
     let most_px = three_digits(length_px.max(edge_px));
     let because = format!("images move by up to {most_px} px");
     let error = ErrorBound {
-        // An edge smeared over d px changes by at most `d^2 / 24` of its bend, and the bend is
-        // below 0.7 of the pixel's light.
+        // An edge smeared over d px changes by at most `d^2 / 24` of its curvature, which is below
+        // 0.7 of the pixel's light.
         e: view.areas_peak_e() * (edge_px * edge_px / 16.0).min(1.0),
         px: length_px / 2.0 + rolled_px,
     };

@@ -22,7 +22,7 @@ pub struct ExposedFrame {
     pub json: Arc<String>,
     /// The instants of the exposure.
     pub exposure: Exposure,
-    /// The camera, as it was set.
+    /// The camera with its settings for this exposure.
     pub camera: Arc<Camera>,
     /// The key of its noise.
     pub key: NoiseKey,
@@ -45,7 +45,7 @@ pub struct Opening {
     pub json: Arc<String>,
     /// The instants of the exposure.
     pub exposure: Exposure,
-    /// The camera, as it is set.
+    /// The camera with its settings for this exposure.
     pub camera: Arc<Camera>,
     /// The key of its noise.
     pub key: NoiseKey,

@@ -7,7 +7,7 @@ pub struct Choice {
     pub noise: bool,
     /// Names of the effects that are switched off.
     pub off: Vec<&'static str>,
-    /// Whether effects run that a scene does not need.
+    /// Whether effects that the scene does not need run too.
     pub all: bool,
 }
 

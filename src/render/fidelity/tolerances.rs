@@ -15,12 +15,11 @@ pub struct Tolerance {
     pub unit: &'static str,
     /// Description of the bounded error.
     pub bounds: &'static str,
-    /// The greatest error for a value, in that unit or as stated in `bounds`; 0 for methods that
-    /// change nothing.
+    /// The greatest error for a value, in that unit or as stated in `bounds`.
     pub bound: fn(f64) -> f64,
     /// Its permitted values.
     pub allowed: Allowed,
-    /// Whether frames depend on it.
+    /// Whether it changes frames visibly.
     pub is_seen: bool,
     /// Reads its value.
     pub get: fn(&Fidelity) -> Value,
@@ -100,10 +99,10 @@ fn profile(step: f64) -> f64 {
     1.4 * step.powi(4) / 4320.0
 }
 
-/// Error bound of area light. Interpolation is accepted where lines over nine positions miss by at
-/// most twice the value (`scene::area`). For a constant curvature lines between neighbours then
-/// miss by the value. Near a kink of slope D, at distance d from one of two positions h apart, the
-/// test measures `D d / 2` and lines miss `D d (h - d) / h`: up to four times the value, and twice
+/// Error bound of area light. Interpolation is accepted where lines over nine positions err by at
+/// most twice the value (`scene::area`). For a constant curvature lines between neighbours then err
+/// by the value. Near a kink of slope D, at distance d from one of two positions h apart, the test
+/// measures `D d / 2` and lines err by `D d (h - d) / h`: up to four times the value, and twice
 /// that in two dimensions.
 fn at_kinks(value: f64) -> f64 {
     8.0 * value
@@ -115,11 +114,12 @@ tolerances! {
     /// Share of a point source's light that may fall outside its stamp (1).
     psf_loss: f64, "1", Numbers([1e-12, 0.01]), [1e-4, 1e-6, 1e-12], true, itself,
         "fraction of the light of a source that is lost outside its stamp";
-    /// Light (e-) that may always fall outside if the wings are narrow, up to 1e-4 of the source's.
+    /// Light (e-) of a source with narrow wings that may always fall outside its stamp, up to 1e-4
+    /// of its light.
     loss_e: f64, "e-", Numbers([0.0, 1e3]), [0.05, 1e-3, 0.0], true, itself,
         "light of a source that may always be lost outside its stamp, at most 1e-4 of it";
-    /// Wide wings are drawn where they bring a pixel at least this (e-). The rest of their light is
-    /// spread evenly over the drawn pixels and brings each less than twice as much.
+    /// Wide wings are drawn where they give a pixel at least this (e-). The rest of their light is
+    /// spread evenly over the drawn pixels and gives each less than twice this value.
     wing_e: f64, "e-", Numbers([1e-3, 1e3]), [0.2, 0.02, 1e-3], true, |wing_e| 2.0 * wing_e,
         "half the error of a pixel's light in the wide wings of a source";
     /// Length of the panels of a smeared track, in units of the PSF's sigma, for any brightness. A
@@ -129,15 +129,15 @@ tolerances! {
     /// step.
     track_step_sigma: f64, "sigma", Numbers([0.02, 1.0]), [1.0, 0.5, 0.1], true, profile,
         "step along a streak; the relative error of its profile is step^4 / 3086";
-    /// Panels are longer, up to one sigma, and short tracks are points, if the profile still errs
-    /// by no more than this (e-).
+    /// Panels are lengthened up to one sigma, and short tracks are drawn as points, as long as the
+    /// profile errs by no more than this (e-).
     track_e: f64, "e-", Numbers([0.0, 1e3]), [0.1, 0.01, 0.0], true, itself,
         "light of a streak on a pixel below which its panels are longer, or it is drawn as a point";
     /// Area light is interpolated linearly between computed positions where its curvature makes the
-    /// error at most this (e-) and
+    /// error at most this (e-) plus `area_part` of the light.
     area_e: f64, "e-", Numbers([1e-4, 1e3]), [0.2, 0.02, 1e-3], true, at_kinks,
         "error of a pixel's area light from interpolation, added to area_part; up to 8 times as large at kinks and in thin layers";
-    /// this part of it (1).
+    /// The part (1) of the light in the tolerance of `area_e`.
     area_part: f64, "1", Numbers([1e-7, 0.1]), [5e-3, 5e-4, 1e-6], true, at_kinks,
         "relative error of that light, with the same factor of up to 8";
     /// Total-variation distance (1) of shot noise from a Poisson distribution, up to 2^20 e- per
@@ -147,8 +147,8 @@ tolerances! {
     /// An effect is skipped if no pixel's expected electrons change by more than this (e-).
     skip_e: f64, "e-", Numbers([0.0, 1e6]), [0.5, 0.05, 0.0], true, itself,
         "change of a pixel's expected electrons by a skipped effect";
-    /// Area light that brings no pixel more than that is skipped if its total signal-to-noise ratio
-    /// is no more than this (1).
+    /// Area light that gives no pixel more than `skip_e` is skipped if its total signal-to-noise
+    /// ratio is no more than this (1).
     skip_snr: f64, "1", Numbers([0.0, 10.0]), [0.5, 0.05, 0.0], true, itself,
         "signal-to-noise ratio of skipped area light, and of an object without an image";
     /// A star has no image if its signal-to-noise ratio with read noise alone is no more than this
@@ -191,6 +191,7 @@ impl Fidelity {
     /// ```text
     /// error = max(step^4 / 3086 q / (1 + q^2)^(1/2), track_e / height_e q)
     /// q = length / (2 pi)^(1/2)
+    /// ```
     pub(crate) fn streak_error(&self, length: f64, height_e: f64) -> f64 {
         // The value of profile() at its longest step is below a hundredth of a streak's height.
         const MAX: f64 = 5e-4;

@@ -65,7 +65,7 @@ impl Drawn<'_> {
         [0, 1].map(|axis| at[axis] - moments[axis] / rest)
     }
 
-    /// A linear share for each of the square's pixels `i` along an axis. The sum is 1 and the
+    /// The shares of the square's columns or rows `i`, linear in `i`. Their sum is 1 and their
     /// centroid `centre`, unless a share would be negative: `w_i = (1 + 12 (i - m) (centre - m) /
     /// (n^2 - 1)) / n` for `n` pixels around `m`.
     pub fn even(&self, axis: usize, centre: [f64; 2]) -> impl Fn(i64) -> f64 {

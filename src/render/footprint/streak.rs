@@ -26,7 +26,7 @@ const SINGLE_PRECISION_LOSS: f64 = 3e-7;
 struct StreakBuffers {
     dots: Vec<Dot>,
     rows: Rows,
-    /// The sheet's light in single precision, which most streaks have.
+    /// The pixels of the sheet in single precision, which suffices for most streaks.
     light: Vec<f32>,
 }
 
@@ -34,10 +34,11 @@ struct StreakBuffers {
 #[derive(Default)]
 struct Rows {
     first: i32,
-    /// Ranges of lit columns, from the row before the first on; empty if the first is the greater.
+    /// First lit column of each row, and the one past the last, from the row before `first` on. A
+    /// row is empty if `low` is the greater.
     low: Vec<i32>,
     past: Vec<i32>,
-    /// Offset of the pixel of column 0, which may lie outside.
+    /// Index of each row's pixel of column 0, which may lie outside the sheet.
     origins: Vec<i32>,
     /// Pixels of the sheet.
     pixels: usize,
@@ -102,7 +103,7 @@ impl StreakBuffers {
     /// Takes the samples whose circles of `radius` pixels touch the detector; none if a sample has
     /// closed or partly open rows.
     fn take_samples(&mut self, track: &Track, camera: &Camera, radius: f64) -> Option<()> {
-        // Circles with centres in between touch the detector.
+        // Circles with centres between these limits touch the detector.
         let [low, high] = [[0.0; 2], camera.detector.sides()];
         let [low, high] = [
             low.map(|x| x - 0.5 - radius),
@@ -137,7 +138,7 @@ impl Rows {
         let (first, last) = (tops.clone().min()?, tops.max()?);
         let span = first.abs_diff(last) as usize;
         let count = span + circle.side.next_multiple_of(ROWS);
-        // One more on each side, so that every row has neighbours.
+        // One more row on each side, so that every row has neighbours.
         let Rows {
             low, past, origins, ..
         } = self;
@@ -151,8 +152,8 @@ impl Rows {
             past: &mut past[1..=count],
         };
         kernels::reach_dots(level, circle, dots, &mut ends);
-        // A tile may begin so far before the columns that circles touch in its row or in a
-        // neighbouring row. The common tile of two dots begins before that of one of them.
+        // How far a tile may begin before the columns that circles touch in its row or in a
+        // neighbouring row. The common tile of two dots may begin before the tile of one of them.
         let before = circle.radius.ceil() as i32 + 1 + MAX_TILE_OFFSET as i32;
         let wide = circle.wide() as i32 + 1;
         let mut pixels = 0;
@@ -171,7 +172,7 @@ impl Rows {
         Some(())
     }
 
-    /// A dark sheet of these rows, its pixels in `light`.
+    /// An empty sheet of these rows; `light` is the buffer of its pixels.
     fn sheet<'a, T: Real>(&'a self, light: &'a mut Vec<T>) -> Sheet<'a, T> {
         light.clear();
         light.resize(self.pixels, T::default());
@@ -182,7 +183,7 @@ impl Rows {
         }
     }
 
-    /// The light of the lit pixels on a detector of those columns and rows.
+    /// The lit pixels of a sheet that lie on a detector of `width` columns and `height` rows.
     fn cut<T: Real>(&self, light: &[T], [width, height]: [i32; 2]) -> Footprint {
         // The rows on the detector, and the range of each.
         let [from, to] = [0, height].map(|row| row.saturating_sub(self.first).max(0) as usize);
@@ -215,14 +216,14 @@ impl Rows {
         let first_row = self.first + from as i32;
         // Copies whole chunks: the next row overwrites the pixels beyond a row's last.
         let mut shares: Vec<f32> = Vec::with_capacity(total as usize + LANES);
-        // Empty ranges are not on the sheet.
+        // The sheet has no pixels for empty ranges.
         let lit_spans = spans.iter().zip(&self.origins[from..]);
         for (span, origin) in lit_spans.filter(|(span, _)| is_lit(span)) {
             let from = (origin + span.column as i32) as u32 as usize;
             let whole = (span.length as usize).next_multiple_of(LANES);
             let light = light[from..from + whole].as_chunks::<LANES>().0;
             for light in light {
-                // An array's `map` would be a call each.
+                // An array's `map` would compile to a function call.
                 let mut lit = [0.0; LANES];
                 for (to, share) in lit.iter_mut().zip(light) {
                     let share = share.single();
@@ -282,7 +283,7 @@ mod tests {
         for column in [254.0, 256.0, 257.0, 258.5, 259.4] {
             let points = [[128.0, 10.0], [column, 40.0], [60.2, 70.0]];
             let pixels = image(&points);
-            // (A track of one point is none: each twice, at half the light.)
+            // (A track of one sample is no streak: each point is given twice, at half the light.)
             let apart = points.map(|point| image(&[point, point]));
             for (i, pixel) in pixels.iter().enumerate() {
                 let sum: f32 = apart.iter().map(|one| one[i] / 2.0).sum();

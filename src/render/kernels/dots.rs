@@ -38,7 +38,7 @@ pub struct Sheet<'a, T> {
     pub first_row: i32,
     /// Index in `light` of the (possibly missing) pixel of column 0, by row.
     pub origins: &'a [i32],
-    /// A value a pixel (1).
+    /// The light of each pixel (1).
     pub light: &'a mut [T],
 }
 

@@ -5,7 +5,7 @@ use super::real::Real;
 
 /// Rows whose ends are computed in parallel lanes.
 pub const ROWS: usize = 16;
-/// Beyond every circle, px.
+/// A distance beyond every circle, px.
 const BEYOND_PX: f32 = 1e6;
 
 /// The columns of each row that the dots' circles touch, from `low` up to `past`; `low` is greater
@@ -20,7 +20,7 @@ pub struct Ends<'a> {
     pub past: &'a mut [i32],
 }
 
-/// Widens the rows' ends to what the dots' circles touch.
+/// Widens each row's range of columns to include those that the dots' circles touch.
 #[inline(always)]
 pub(crate) fn ends_body(circle: &Circle, dots: &[Dot], ends: &mut Ends<'_>) {
     let squared = circle.radius * circle.radius;

@@ -60,7 +60,7 @@ impl Single {
     fn of(reading: &Reading, electrons: f64) -> Single {
         // More than any pixel holds, with finite products.
         const MAX_E: f64 = 1e30;
-        // Too faint for any pixel; products would be subnormal.
+        // Fainter light is ignored: its products would be subnormal.
         let counts = electrons > f64::from(MIN_E);
         Single {
             electrons: if counts {
@@ -170,8 +170,8 @@ pub(crate) fn signal_body(
     let reading = Single::of(reading, electrons);
     for (shares, background) in shares.chunks(CHUNK).zip(background.chunks(CHUNK)) {
         let mut sums = [0.0; LANES];
-        // The last lanes are filled and take the same code: with a loop of their own, the compiler
-        // cuts the sums into vectors of 4, 1, 2 and 1 lanes.
+        // The last lanes are padded with zeros and use the same code: for a loop of their own, the
+        // compiler would split the sums into vectors of 4, 1, 2 and 1 lanes.
         let mut add = |shares: &[f32; LANES], background: &[f32; LANES]| {
             for i in 0..LANES {
                 sums[i] += reading.term(shares[i], background[i]);

@@ -13,7 +13,7 @@ const MIN: f64 = 1e-15;
 /// pixel.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Lines<T> {
-    /// Nodes a pixel.
+    /// Nodes per pixel.
     nodes: T,
     /// Distance of the nodes, px.
     node_px: T,
@@ -21,7 +21,7 @@ pub struct Lines<T> {
     reach: i32,
     /// Number of terms of a power: one for each pixel, with room for a tile at any position.
     stride: usize,
-    /// By node, by power.
+    /// The series' coefficients, by node, power and pixel.
     terms: Vec<T>,
 }
 

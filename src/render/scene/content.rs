@@ -45,7 +45,7 @@ pub struct Scene {
     pub particles_left_out: f64,
     /// The columns that may saturate.
     pub blooming: BloomingColumns,
-    /// The light on columns that may fill up, e-.
+    /// The light on each pixel of `blooming.columns`, by column, e-.
     pub(super) spilling_e: Vec<Vec<f64>>,
     /// The tolerances of its images.
     pub fidelity: Fidelity,
@@ -87,7 +87,7 @@ impl Scene {
         Unobservable::Abandoned
     }
 
-    /// All that lights pixels in a frame with the effects `parts`.
+    /// The light of all sources in a frame with the effects `parts`.
     pub(crate) fn lights<'a>(&'a self, parts: &'a EffectSet) -> impl Iterator<Item = Lit<'a>> {
         let sources = self.sources.iter();
         let sources = sources.filter(|source| parts.has(source.body.effect()));
@@ -160,7 +160,7 @@ impl Scene {
         (self.simulated).only_with(EffectId::FrameTransfer, transfer_smear::part(&self.view))
     }
 
-    /// Bound of the response of any pixel (1).
+    /// Upper bound of the response of any pixel (1).
     pub(crate) fn responds(&self) -> f64 {
         if self.simulated.has(EffectId::PixelResponse) {
             1.0 + self.view.camera.detector.pattern.worst_response()

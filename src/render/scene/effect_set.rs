@@ -36,7 +36,7 @@ pub enum EffectId {
 /// The effects of one frame. The empty set: still images of an ideal camera, without light.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct EffectSet {
-    /// A bit an effect.
+    /// One bit per effect.
     bits: u32,
     /// Whether random numbers are drawn.
     pub noise: bool,
@@ -97,7 +97,7 @@ impl EffectSet {
         }
     }
 
-    /// With the other's effects that shape images.
+    /// With those effects of `other` added that shape images.
     pub(crate) const fn and_shapes(mut self, other: &EffectSet) -> EffectSet {
         self.bits |= other.bits & EffectSet::SHAPES.bits;
         self

@@ -94,7 +94,7 @@ impl Imaging<'_> {
             snr: 0.0,
             clear_snr: 0.0,
             body: candidate.body.clone(),
-            // Labels give the position of the light.
+            // Labels give the centroid of the light.
             start: camera.optics.lit(start),
             end: camera.optics.lit(end),
             centroid: centre,
@@ -161,7 +161,7 @@ impl Imaging<'_> {
     /// The light of a disc of elements.
     fn disc(&self, elements: &[Element], candidate: &Candidate) -> Point {
         let view = self.view;
-        // Of so much light the undrawn part would be visible.
+        // The part of the PSF that is not drawn would be visible for such a bright source.
         let loss = (self.fidelity.wing_e / candidate.clear_e).max(f64::EPSILON);
         let fidelity = &Fidelity {
             psf_loss: self.fidelity.psf_loss.min(loss),
@@ -221,8 +221,8 @@ impl Imaging<'_> {
         }
     }
 
-    /// The path of the image while its rows are open, with the light along it, for a point at an
-    /// offset `off` from the source (any length).
+    /// The track of the image during the exposure of its rows, for a point of the source at the
+    /// offset `off` from its centre (any length).
     fn track(&self, candidate: &Candidate, off: &Vector3<f64>) -> Option<Track> {
         let Imaging {
             view,
@@ -313,7 +313,7 @@ impl Imaging<'_> {
         let step_px = core_px * fidelity.step_sigma(height_e);
         match psf.at([0.0; 2], 1.0).gradient() {
             None => [step_px, step_px, core_px * fidelity.point_sigma(height_e)],
-            // Sampled PSFs have kinks, which few points miss.
+            // PSFs given as images have kinks, which too few points would miss.
             Some(_) => [step_px, 0.0, 0.0],
         }
     }

@@ -22,7 +22,7 @@ pub(crate) struct Arriving {
 }
 
 impl Arriving {
-    /// With `count` cells on a side.
+    /// Evaluates `count` x `count` cells of the disc.
     pub fn of(disc: &MoonDisc, count: usize, earth: &Earth, observer: &Observer) -> Arriving {
         let [mut all, mut light] = [0.0; 2];
         let (mut lit, mut behind) = (Vec::new(), false);
@@ -58,7 +58,7 @@ impl Arriving {
         shares.fold(0.0, f64::max)
     }
 
-    /// Its cells as points around a centre.
+    /// Its lit cells as points around a centre.
     pub fn elements(&self, centre: &Vector3<f64>) -> Vec<Element> {
         let element = |(at, share): &(Vector3<f64>, f64)| Element {
             offset: at - centre,
@@ -68,8 +68,8 @@ impl Arriving {
     }
 }
 
-/// The part of the Sun's disc that the Moon's surface sees past the Earth; `at` is the surface's
-/// direction from the observer.
+/// The part of the Sun's disc that is visible from a point of the Moon's surface past the Earth;
+/// `at` is the direction of that point from the observer.
 pub(crate) fn sunlit(
     at: &Vector3<f64>,
     disc: &MoonDisc,

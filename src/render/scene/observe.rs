@@ -235,10 +235,10 @@ fn rso(view: &View, object: Arc<SeenObject>) -> Candidate {
     Candidate::new(Body::Rso(object), clear_e, light, hidden)
 }
 
-/// Bound of the light whose signal-to-noise ratio is 1, if every pixel has noise of `floor_e`, e-.
-/// The ratio of N electrons is at most `N (sum s^2)^(1/2) / floor`, times the response. An image
-/// that moves along with the readout has up to l times the light, but no pixel is open for longer
-/// than the exposure or has a greater share than the peak p: `sum s^2 <= p l`.
+/// Lower bound of the light whose signal-to-noise ratio is 1, if every pixel has noise of
+/// `floor_e`, e-. The ratio of N electrons is at most `N (sum s^2)^(1/2) / floor`, times the
+/// response. An image that moves along with the readout has up to l times the light, but no pixel
+/// is open for longer than the exposure or has a greater share than the peak p: `sum s^2 <= p l`.
 fn noise_e(view: &View, floor_e: f64) -> f64 {
     let response = 1.0 + view.camera.detector.pattern.worst_response();
     let longest = if view.exposure.duration_s > 0.0 {

@@ -13,8 +13,8 @@ use crate::sky::planets::{Planet, seen_by};
 use crate::sky::shadow::Earth;
 use nalgebra::Vector3;
 
-/// Side of the squares of a resolved disc, in core widths of the point spread function. Gaussians
-/// one width apart ripple by less than 1e-8.
+/// Side of the squares of a resolved disc, in core widths of the point spread function. The sum of
+/// Gaussians one width apart ripples by less than 1e-8.
 const ELEMENT: f64 = 1.0;
 /// Greatest side of a square, px.
 const WIDEST_PX: f64 = 0.7;
@@ -23,7 +23,7 @@ const WIDEST_PX: f64 = 0.7;
 const MIN_CELLS: f64 = 24.0;
 /// A disc of more squares on a side is rasterized like an area source.
 const MAX_ELEMENTS: f64 = 600.0;
-/// Cost of rasterizing a disc, as a number of points: a constant, and one point for so many pixels.
+/// Cost of rasterizing a disc, as a number of points: a constant, and one for so many pixels.
 const AREA_POINTS: usize = 10_000;
 const PIXELS_A_POINT: usize = 42;
 

@@ -127,7 +127,6 @@ impl<'a> Noise<'a> {
         let (detector, pattern) = (self.detector, &self.detector.pattern);
         background.clear();
         background.resize(footprint.shares().len(), 0.0);
-        // No area light: nothing to add.
         if self.areas.light().is_some() {
             self.row_by_row(footprint, background, |pixel, row| {
                 self.areas.add_to_row(pixel, row);

@@ -40,14 +40,14 @@ pub struct VisiblePlanet {
     pub elements: Vec<Element>,
     /// Its light by direction, if it is too large for elements.
     pub area: Option<Area>,
-    /// Number of points of its image, or of equal cost.
+    /// Number of points of its image, or a number of points of equal cost.
     pub points: usize,
 }
 
 /// A small part of a disc.
 #[derive(Debug, Clone, Copy)]
 pub struct Element {
-    /// Offset from the direction of the light's centre, across it, rad.
+    /// Difference of its direction from that of the light's centre (unit vectors), rad.
     pub offset: Vector3<f64>,
     /// Its share of the light that arrives (1).
     pub share: f64,

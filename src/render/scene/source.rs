@@ -40,8 +40,8 @@ impl Body {
         }
     }
 
-    /// Its apparent vector (ICRF axes, any length) at a part of the view's time (0: start, 1: end);
-    /// of stars at mid-exposure.
+    /// Its apparent line of sight (ICRF axes, any length) at a part of the view's time (0: start,
+    /// 1: end). For stars always that of mid-exposure.
     pub(crate) fn line(&self, part: f64) -> Vector3<f64> {
         match self {
             Body::Star(star) => star.direction,
@@ -50,7 +50,7 @@ impl Body {
         }
     }
 
-    /// The angle of its own motion in that time, rad.
+    /// The angle of its own apparent motion in the view's time, rad.
     fn swing(&self) -> f64 {
         match self {
             Body::Star(_) => 0.0,
@@ -87,7 +87,7 @@ impl Body {
         }
     }
 
-    /// Number of points of its image, or of equal cost.
+    /// Number of points of its image, or a number of points of equal cost.
     pub(crate) fn points(&self) -> usize {
         match self {
             Body::Planet(body) => body.points,
@@ -122,11 +122,11 @@ pub struct Source {
     pub footprint: Footprint,
     /// Electrons of all light that arrives at the aperture in the exposure.
     pub arriving_e: f64,
-    /// Expected electrons behind optics and shutter in the exposure, on and off the detector.
+    /// Expected electrons after vignetting and shutter in the exposure, on and off the detector.
     pub electrons: f64,
     /// The same if it were neither hidden nor shaded.
     pub clear_e: f64,
-    /// Why there are none, if hidden.
+    /// Why no light arrives, if hidden.
     pub hidden: Option<Hidden>,
     /// Signal-to-noise ratio on the detector.
     pub snr: f64,
@@ -151,9 +151,9 @@ pub struct Candidate {
     pub clear_e: f64,
     /// The arriving fraction of that light (1).
     pub light: f64,
-    /// Why none arrives.
+    /// Why none arrives, if hidden.
     pub hidden: Option<Hidden>,
-    /// The angle of its own motion, rad.
+    /// The angle of its own apparent motion in the view's time, rad.
     pub(super) swing: f64,
 }
 

@@ -10,8 +10,8 @@ use std::ops::Range;
 pub struct Struck {
     /// Columns of the detector.
     width: usize,
-    /// `(row-major index, e-)` of each hit pixel, in order, by rows of the detector; no rows
-    /// without particles.
+    /// `(row-major index, e-)` of each hit pixel, in order, by rows of the detector; empty without
+    /// particles.
     rows: Vec<Vec<(u32, u32)>>,
     /// The most charge in one pixel, e-.
     max_e: u32,
@@ -65,7 +65,7 @@ fn add_up(row: &mut Vec<(u32, u32)>) -> u32 {
     row.dedup_by(|hit, sum| {
         let same = hit.0 == sum.0;
         if same {
-            // Saturation is far beyond any full well.
+            // The sum saturates far beyond any full well.
             sum.1 = sum.1.saturating_add(hit.1);
         }
         same

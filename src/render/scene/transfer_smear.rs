@@ -1,4 +1,5 @@
-//! Frame-transfer smear: light that a column's charge collects while it is shifted below its cover.
+//! Frame-transfer smear: light that a column collects while charge is shifted to the covered
+//! storage area.
 //!
 //! ```text
 //! N_xy <- N_xy + (t_row / t_int) sum_y' N_xy'

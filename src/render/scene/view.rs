@@ -46,12 +46,12 @@ pub struct View {
     pub level: Option<Level>,
     /// The frame's work limit: once it is over, sources have no image.
     pub limit: WorkLimit,
-    /// Whether images stand still: every pixel is full with or without motion, and the frame would
-    /// exceed its work limit.
+    /// Whether images are formed without motion: every pixel is full with or without it, and the
+    /// frame would exceed its work limit.
     pub still_in_flood: bool,
     /// The observer at mid-exposure; at the Earth's centre without an orbit.
     pub observer: Observer,
-    /// Stars in catalogue order, then objects in the population's, planets, the Moon.
+    /// Stars in catalogue order, objects in the population's order, planets, the Moon.
     pub candidates: Vec<Candidate>,
     /// The direction of the Moon's centre (unit vector, ICRF), and the cosine of its radius.
     pub(super) moon: (Vector3<f64>, f64),
@@ -69,10 +69,10 @@ pub struct View {
     pub(super) swing: f64,
     /// Precomputed pointings, by the time from mid-exposure, s.
     pub(super) pointings: Vec<(f64, Attitude)>,
-    /// Planes around the field of stars whose image may touch the detector: normals, and the least
-    /// products with them.
+    /// Planes around the directions of stars whose image may touch the detector: inward normals
+    /// (ICRF), and the least scalar product of such a direction with each.
     pub(super) sides: Vec<(Vector3<f64>, f64)>,
-    /// The window of light for this lost share of a source (1).
+    /// The lost share of the PSF (1), and the window of light for it.
     pub(super) window: (f64, Window),
 }
 
@@ -163,11 +163,12 @@ impl View {
         (dv - star * dv.dot(star)) / LIGHT_M_S
     }
 
-    /// Bound of the path of an image on the detector in `seconds`, px: a turn across the boresight
-    /// moves images by the plate scale, one about it by their distance from it.
+    /// Bound of the path of an image on the detector in `seconds`, px. A turn across the boresight
+    /// moves images by its angle times the plate scale, a turn about it by its angle times their
+    /// distance from the boresight.
     pub(crate) fn longest_track_px(&self, seconds: f64) -> f64 {
         let turn = self.camera.mounting.rotate(&self.vehicle.rates) * seconds;
-        // Uneven motion is at most all of it, and little more than twice the mean.
+        // Own motion that is not uniform is at most all of it, and little more than twice the mean.
         let share = if seconds < self.open_s {
             (2.0 * seconds / self.open_s).min(1.0)
         } else {
@@ -178,8 +179,8 @@ impl View {
         (libm::hypot(turn.x, turn.y) + own) * scale + turn.z.abs() * furthest
     }
 
-    /// Bound of the brightest pixel's light, weighted by `part` of its direction (camera axes), e-.
-    /// Neighbours are allowed for by twice the brightest source.
+    /// Bound of the brightest pixel's light, e-; `part` is the weight of a direction (camera axes).
+    /// A factor of 2 allows for neighbouring sources.
     pub(crate) fn brightest_px_e(&self, part: impl Fn(&Vector3<f64>) -> f64) -> f64 {
         let camera = &self.camera;
         let psf = camera.optics.psf_at(camera.optics.principal_px, 1.0);

@@ -161,13 +161,13 @@ fn add_work(
 
 /// Estimated time of smearing area light, ms; assumes that edges cross the field once.
 pub fn areas_smear_ms(view: &View) -> f64 {
-    // Pixels that an edge crosses; and with pixels near it, for motion beyond a pixel.
+    // Width of an edge on the pixels; and with pixels near it, for motion beyond a pixel.
     const EDGE_PX: f64 = 1.5;
     const LIMB_PX: f64 = 8.0;
     const STEP_NS: f64 = 200.0;
-    // Evaluations of even light for each pixel.
+    // Evaluations of smooth light on a pixel for each initial evaluation: it is interpolated.
     const EVEN: f64 = 0.01;
-    // Evaluations of light with detail below FEW_PX, for each initial evaluation.
+    // The same of light with detail below FEW_PX.
     const HALVED: f64 = 6.0;
     const FEW_PX: f64 = 32.0;
     let edged = view.areas.iter().filter(|area| area.has_edges());

@@ -5,9 +5,9 @@
 //!
 //! - Stars: space motion since J1991.25, parallax, deflection by the Sun, aberration; all
 //!   barycentric.
-//! - Objects in Earth orbit: light time and aberration, both geocentric. Observer, object and light
-//!   share the Earth's motion, so the observer's velocity relative to the Earth causes the
-//!   aberration, not the barycentric one; mixing the two would cost 20.5 arcsec.
+//! - Objects in Earth orbit: light time and aberration, both geocentric. Observer and object share
+//!   the Earth's motion, so the aberration is by the observer's velocity relative to the Earth. By
+//!   the barycentric velocity, directions would be off by up to 20.5 arcsec.
 //!
 //! Omitted for stars, with the error: deflection by Jupiter (17 milliarcsec at its limb, 1 at 15
 //! limb distances) and by the Earth (0.6 milliarcsec at its limb), and the change of proper motion
@@ -31,14 +31,14 @@ const DAYS_PER_YEAR: f64 = 365.25;
 /// Twice the Sun's gravitational parameter over c^2, m: its Schwarzschild radius.
 /// GM = 1.327 124 4e20 m^3/s^2 (IAU 2015 Resolution B3).
 const SUN_SCHWARZSCHILD_M: f64 = 2.0 * 1.327_124_4e20 / (LIGHT_M_S * LIGHT_M_S);
-/// Smallest `1 - cos(elongation)` with increasing deflection: 4.9 arcmin at 1 au, well behind the
-/// Sun's disc (16 arcmin).
+/// Minimum of the divisor `1 - cos(elongation)` in the deflection: that at 4.9 arcmin from the
+/// Sun's centre, well within its disc (16 arcmin at 1 au).
 const DEFLECTION_FLOOR: f64 = 1e-6;
-/// Light time converges by a factor v/c, below 1e-4, per step.
+/// Iterations for the light time: each reduces the error by a factor v/c, below 1e-4.
 const LIGHT_TIME_STEPS: usize = 3;
 
-/// Lagrange's parabola through the values at the start, middle and end of an interval, at a part of
-/// it (0: start, 1: end).
+/// Lagrange's parabola through the values at the start, middle and end of an interval, evaluated at
+/// the fraction `part` of it (0: start, 1: end).
 pub(crate) fn parabola([a, b, c]: &[Vector3<f64>; 3], part: f64) -> Vector3<f64> {
     a * ((2.0 * part - 1.0) * (part - 1.0))
         + b * (4.0 * part * (1.0 - part))
@@ -65,7 +65,7 @@ pub struct StarPlace {
 pub struct Corrections {
     /// Space motion from J1991.25 to the epoch (stars).
     pub proper_motion: bool,
-    /// Annual parallax and that of the orbit (stars).
+    /// Parallax by the Earth's orbit and by the observer's orbit around the Earth (stars).
     pub parallax: bool,
     /// Deflection of light by the Sun (stars).
     pub deflection: bool,
@@ -108,7 +108,7 @@ pub struct Observer {
     pub position_m: Vector3<f64>,
     /// Geocentric velocity, GCRF, m/s.
     pub velocity_m_s: Vector3<f64>,
-    /// The Earth and the Sun at `epoch`, or at another instant of the same exposure.
+    /// The Earth, the Sun and the Moon at `epoch`, or at another instant of the same exposure.
     pub bodies: Bodies,
 }
 
@@ -221,7 +221,7 @@ impl<'a> Sight<'a> {
         // Uniform space motion and parallax, in units of the star's distance at the catalogue's
         // epoch (SOFA pmpx, without radial velocity):
         //     u = u0 + (p mu_ra + q mu_dec) (t - t0 + u0 . r / c) - parallax r / au
-        // The term in c refers light to one wave front: 0.2 milliarcsec for Barnard's star.
+        // The term in c is the Roemer delay to the barycentre: 0.2 milliarcsec for Barnard's star.
         let mut u = star.direction;
         if self.corrections.proper_motion {
             let roemer_days = u.dot(&self.position_m) / LIGHT_M_S / 86_400.0;
@@ -258,11 +258,11 @@ pub fn catalogue_direction(position: &StarPlace) -> Vector3<f64> {
 /// ```
 ///
 /// (Explanatory Supplement to the Astronomical Almanac, 3rd ed., 2013, Eq. 7.63, for a source at
-/// infinity): 1.75 arcsec at the limb. Behind the Sun's disc the divisor has a minimum, so that the
-/// result is finite and continuous.
+/// infinity): 1.75 arcsec at the limb. Behind the Sun's disc the divisor is limited from below, so
+/// that the result is finite and continuous.
 #[derive(Debug)]
 struct Deflection {
-    /// From the Sun: e and 2 GM / c^2 r.
+    /// `e`, the unit vector from the Sun to the observer; and `2 GM / (c^2 r)`, rad.
     from_sun: Vector3<f64>,
     strength: f64,
 }
@@ -277,7 +277,7 @@ impl Deflection {
         }
     }
 
-    /// The direction of light that would come from `u` without deflection.
+    /// The deflected direction of a source whose direction without deflection is `u`.
     fn of(&self, u: Vector3<f64>) -> Vector3<f64> {
         let e = self.from_sun;
         let along = u.dot(&e);
@@ -304,8 +304,8 @@ pub struct ApparentObject {
 }
 
 /// The direction in which `observer` sees an object in Earth orbit whose geocentric GCRF state at
-/// any epoch is `state_at`. Within 5 milliarcsec of a fully barycentric computation: the second
-/// order of the Earth's velocity over c.
+/// any epoch is `state_at`. Within 5 milliarcsec of a fully barycentric computation: the difference
+/// is of second order in the Earth's velocity over c.
 ///
 /// # Errors
 ///
@@ -326,9 +326,9 @@ pub fn object_direction<E>(
     Ok(apparent_object(state, then, observer, corrections))
 }
 
-/// The same for an object with known states: `state` at the observer's epoch, and `then`, a number
-/// of seconds earlier with the state at that time. The light must leave within one second of it.
-/// Without `then` light time is ignored.
+/// The same for an object with known states: `state` at the observer's epoch, and in `then` a
+/// number of seconds and the state that long before. The light must leave within one second of that
+/// time. Without `then` light time is ignored.
 pub(crate) fn apparent_object(
     state: StateVector,
     then: Option<(f64, StateVector)>,

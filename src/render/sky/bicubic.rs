@@ -1,16 +1,16 @@
 //! A smooth function through the values of a table.
 //!
-//! Bicubic Hermite polynomials: each cell's has the value, both slopes and the cross derivative at
-//! its four corners, so the function is smooth (C1) and exact at the nodes. The slopes at a node
-//! are those of the parabola through it and its two neighbours.
+//! Bicubic Hermite polynomials: that of each cell has the value, both slopes and the cross
+//! derivative of the table at its four corners. So the function is smooth (C1) and exact at the
+//! nodes. The slopes at a node are those of the parabola through it and its two neighbours.
 
 /// Values over the grid of `x` and `y`.
 #[derive(Debug, Clone)]
 pub(super) struct Bicubic {
     x: Axis,
     y: Axis,
-    /// The polynomial of each cell, `y` fastest: by powers of the position in the cell along `x`,
-    /// each by powers of that along `y`.
+    /// The coefficients of each cell, the index along `y` fastest: `[k][l]` is that of `x^k y^l`,
+    /// with `x` and `y` the position in the cell (0..1).
     cells: Vec<[[f64; 4]; 4]>,
 }
 
@@ -22,15 +22,15 @@ struct Axis {
     per_width: Vec<f64>,
     /// Inverse width of the narrowest interval.
     per_bucket: f64,
-    /// The interval at the begin of each bucket. Buckets are as wide as the narrowest interval, so
+    /// The interval at the start of each bucket. Buckets are as wide as the narrowest interval, so
     /// each has at most one node.
     buckets: Vec<usize>,
 }
 
 impl Bicubic {
-    /// Through `value(i, j)` at `x[i]`, `y[j]`, two or more nodes on each side, rising. Slope 0 at
-    /// the first and last `x` and at the first `y`; at the last `y` the slope and its derivative by
-    /// x are `last(x)`.
+    /// Through `value(i, j)` at `x[i]`, `y[j]`, two or more ascending nodes along each axis. Slope
+    /// 0 at the first and last `x` and at the first `y`; at the last `y` the slope along y and its
+    /// derivative by x are `last(x)`.
     pub(super) fn new(
         x: Vec<f64>,
         y: Vec<f64>,
@@ -129,8 +129,8 @@ fn hermite([a, b, a_t, b_t]: [f64; 4]) -> [f64; 4] {
     ]
 }
 
-/// The polynomial of a cell of a `size` along x and y from the nodes at its corners; the second
-/// corner is the next along y.
+/// The coefficients of a cell of the given width along x and height along y, from the nodes at its
+/// corners; the second corner is the next along y.
 fn powers([width, height]: [f64; 2], corners: [[f64; 4]; 4]) -> [[f64; 4]; 4] {
     // By powers of y at both ends along x: the value, and the slope along x.
     let side = |a: [f64; 4], b: [f64; 4]| {

@@ -64,7 +64,7 @@ impl Bodies {
     /// `dt_s` seconds later, by linear extrapolation. Over 5 minutes the Sun is 4 km off and the
     /// Moon 0.2 km, over 5000 s 130 km and 40 km: 0.1 and 0.5 arcsec from the Earth's centre.
     pub fn after(&self, dt_s: f64) -> Self {
-        // The Sun itself moves 13 m/s.
+        // The Sun's own motion, 13 m/s, is omitted.
         let path_m = self.earth_barycentric_velocity_m_s * dt_s;
         Self {
             earth_barycentric_m: self.earth_barycentric_m + path_m,
@@ -77,9 +77,9 @@ impl Bodies {
     /// Earth's centre to the apparent Sun near the Earth, m: the geometric Sun aberrated by the
     /// Earth's velocity, some 20.5 arcsec from it.
     ///
-    /// Use this Sun with geocentric positions for shadows and phase angles: relative to the Earth,
-    /// light runs along straight lines only in the frame that moves with the Earth. (The Sun itself
-    /// moves 13 m/s: its light time adds 0.01 arcsec.)
+    /// Use this Sun with geocentric positions for shadows and phase angles: in the frame that moves
+    /// with the Earth, sunlight arrives from the aberrated direction. (The Sun itself moves 13 m/s:
+    /// its light time adds 0.01 arcsec.)
     pub fn sun_apparent_m(&self) -> Vector3<f64> {
         let distance = self.sun_geocentric_m.norm();
         aberrate(
@@ -89,8 +89,8 @@ impl Bodies {
     }
 }
 
-/// The apparent direction, for an observer with `velocity` (m/s), of light that an observer at rest
-/// sees along the unit vector `u`. Unit vector.
+/// The apparent direction, for an observer with the velocity `velocity_m_s`, of light that an
+/// observer at rest sees along the unit vector `u`. Unit vector.
 pub fn aberrate(u: Vector3<f64>, velocity_m_s: Vector3<f64>) -> Vector3<f64> {
     Aberration::by(velocity_m_s).of(u)
 }

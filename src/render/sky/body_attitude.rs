@@ -10,8 +10,8 @@ use skyloop_orbit::StateVector;
 pub enum BodyAttitude {
     /// Fixed in the ICRF: ICRF to body.
     Inertial(Attitude),
-    /// Fixed to its orbit: from the axes of the orbit (+Z to the Earth's centre, +X along the
-    /// component of the velocity across that, +Y against the orbit's normal) to the body.
+    /// Fixed in the orbital frame: from its axes (+Z to the Earth's centre, +X along the component
+    /// of the velocity perpendicular to +Z, +Y opposite to the orbit's normal) to the body.
     Nadir(Attitude),
     /// Constant rates in body axes: a rotation about a direction that is fixed in the ICRF.
     Spin {

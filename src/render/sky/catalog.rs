@@ -1,36 +1,37 @@
 //! The embedded star catalogue: Hipparcos-2 to Hp 9 and the whole Bright Star Catalogue.
 //!
 //! `cargo run --example build_catalog` builds it from `hip2.dat` (van Leeuwen 2007) and the Bright
-//! Star Catalogue (Hoffleit and Warren 1991), and its `--check` compares. It holds 78,367 entries:
-//! 78,340 of Hipparcos (Hp <= 9, or fainter with an HR number) and 27 of the Bright Star Catalogue
-//! alone. The two sources are merged by these rules:
+//! Star Catalogue (Hoffleit and Warren 1991); with `--check` it compares the result with the stored
+//! files. It holds 78,367 entries: 78,340 of Hipparcos (Hp <= 9, or fainter with an HR number) and
+//! 27 of the Bright Star Catalogue alone. The two sources are merged by these rules:
 //!
-//! - **Names.** All 9,096 HR are found. 8,998 are matched one to one, at J2000 and within 20 arcsec
-//!   (median 1.3; the right ascension of the bright stars has 5.4 arcsec). 71 more are within 25
-//!   arcsec of a matched entry that contains their light, as both stars of gamma Leo: they are
-//!   names of that entry. 27 have no matched light: 24 have no entry within 25 arcsec (xi UMa, xi
-//!   Sco, eta Car, gamma1 Vel, sigma Ori E, ...); Mizar B and p Eri B, 14 and 11 arcsec from their
-//!   primaries, are missing in the primary's Hp; theta1 Ori B is among entries with mixed Hp.
-//!   Positions and motions of the 27 are Tycho-2's, to 0.2 arcsec.
-//! - **V** of an entry with an HR is the Bright Star Catalogue's (8,538 entries). It is V by Hp
-//!   where the entry has several HR (69), where the two differ by more than 0.1 mag, or 0.3 mag
-//!   beyond V-I = 2 (272: variables such as T CrB, listed at its outburst, and magnitudes of close
-//!   pairs), and where another entry is within 30 arcsec (104). Sirius and Canopus keep the Bright
-//!   Star Catalogue's: above Hp 0 the photometer saturates. Without an HR it is V by Hp: with x =
-//!   V-I - 1, V-I not below -0.3, `V = Hp - 0.15655 - 0.03839 x + 0.13310 x^2 + 0.00487 x^3 -
-//!   0.00813 x^4 - 0.00330 x^5` up to V-I = 3 and 0.46 mag a magnitude of V-I beyond, fitted to
-//!   7,135 single stars, rms 0.019 mag where V-I < 1.6.
-//! - **No light counts twice.** Hipparcos measured some close entries through one field, so both
-//!   have the sum: sigma Ori D is listed as Hp 3.71. Of such pairs, those with an HR take the
-//!   Bright Star Catalogue's V (11, and alpha Cen B and alpha1 CVn), eight Tycho's, one the
-//!   literature's, and 18 faint ones without any other V (Hp 6.9 to 8.9) are omitted, since their
-//!   light is in the neighbour's.
+//! - **Names.** All 9,096 HR numbers have an entry. 8,998 are matched one to one, at J2000 and
+//!   within 20 arcsec (median 1.3; the Bright Star Catalogue resolves right ascension to 5.4
+//!   arcsec). 71 more are within 25 arcsec of a matched entry that contains their light, such as
+//!   both stars of gamma Leo: they are names of that entry. 27 have no match with their light. 24
+//!   of them have no entry within 25 arcsec (xi UMa, xi Sco, eta Car, gamma1 Vel, sigma Ori E,
+//!   ...). Mizar B and p Eri B, 14 and 11 arcsec from their primaries, are missing in the primary's
+//!   Hp. Theta1 Ori B is among entries with mixed Hp. Positions and motions of the 27 are
+//!   Tycho-2's, to 0.2 arcsec.
+//! - **V** of an entry with an HR is the Bright Star Catalogue's (8,538 entries). V is computed
+//!   from Hp in three cases. The entry has several HR (69). The two differ by more than 0.1 mag, or
+//!   0.3 mag beyond V-I = 2 (272: variables such as T CrB, listed at its outburst, and magnitudes
+//!   of close pairs). Another entry is within 30 arcsec (104). Sirius and Canopus have the Bright
+//!   Star Catalogue's: the photometer saturates for stars brighter than Hp 0. Without an HR, V is
+//!   computed from Hp: with x = V-I - 1, V-I not below -0.3, `V = Hp - 0.15655 - 0.03839 x +
+//!   0.13310 x^2 + 0.00487 x^3 - 0.00813 x^4 - 0.00330 x^5` up to V-I = 3, fitted to 7,135 single
+//!   stars, rms 0.019 mag where V-I < 1.6. Beyond, V-Hp rises by 0.46 mag per magnitude of V-I.
+//! - **No light counts twice.** Hipparcos measured some close pairs in one field of its photometer,
+//!   so both entries have the sum: sigma Ori D is listed as Hp 3.71. Of such pairs, those with an
+//!   HR take the Bright Star Catalogue's V (11, and alpha Cen B and alpha1 CVn), eight Tycho's, and
+//!   one the literature's. 18 faint ones without any other V (Hp 6.9 to 8.9) are omitted, since
+//!   their light is in the neighbour's.
 //! - **B-V** is as measured (77,304). Where its error is 0.2 mag or more (estimates, up to 5.5 for
 //!   red stars) it follows from V-I by the medians of well measured stars (943); 93 entries without
 //!   any colour take the median star's, 0.55.
 //! - Negative parallaxes (1,319, noise) are set to 0.
 //!
-//! `stars.bin` is, little-endian, `SKYCAT01`, a u32 count and one record of 25 bytes an entry: HIP
+//! `stars.bin` is, little-endian, `SKYCAT01`, a u32 count and a record of 25 bytes per entry: HIP
 //! u24, HR u16, right ascension u32 and declination i32 in 2^-32 of a turn (0.30 mas), parallax u16
 //! in 0.0125 mas, proper motion in right ascension (times cos Dec) and declination i24 in 0.01
 //! mas/yr, V and B-V i16 in 0.001 mag. `names.tsv` gives, for each HR that has a name or belongs to
@@ -118,7 +119,7 @@ impl Catalog {
             0 => ("HR", u32::from(star.hr)),
             hip => ("HIP", hip),
         };
-        // Written digit by digit into a buffer of the greatest length: frames have thousands.
+        // Without `format!`, for speed: a frame has thousands of ids.
         let (mut digits, mut first, mut rest) = ([b'0'; 10], 10, number);
         while rest > 0 || first == digits.len() {
             first -= 1;
@@ -204,7 +205,7 @@ fn unsigned(record: &[u8], at: usize, len: usize) -> u32 {
         .fold(0, |value, &byte| value << 8 | u32::from(byte))
 }
 
-/// The same in two's complement.
+/// As `unsigned`, in two's complement.
 fn signed(record: &[u8], at: usize, len: usize) -> i32 {
     let unused = 32 - 8 * len as u32;
     ((unsigned(record, at, len) << unused) as i32) >> unused

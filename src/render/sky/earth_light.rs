@@ -8,24 +8,24 @@
 //! ```
 //!
 //! with `A` the albedo, `i` the angle between the ellipsoid's normal and the Sun, `d` the Sun's
-//! distance: Lambert's law, of which the paper's Eq. (7) is the sum over a sphere. The night side
-//! is dark. A radiance is Eq. (3) of Clark et al. 2021,
-//! `L = E_zero 10^(-0.4 m) (180 / pi)^2 3600^2`, with m the magnitude per square arcsecond.
+//! distance: Lambert's law. Its integral over a sphere is Eq. (7) of Clark et al. 2021. The night
+//! side is dark. Their Eq. (3) gives the radiance of m magnitudes per square arcsecond,
+//! `L = E_zero 10^(-0.4 m) (180 / pi)^2 3600^2`.
 //!
 //! Not modelled: clouds, oceans and continents (real albedos are 0.05 to 0.9; this is their mean),
-//! sun glint on water, the brightening of the real disc toward full phase, twilight by the Sun's
-//! half degree. Light scattered above the ground is in [`atmosphere`](super::atmosphere).
+//! sun glint on water, the brightening of the real disc toward full phase, the penumbra at the
+//! terminator (0.5 deg). Light scattered above the ground is in [`atmosphere`](super::atmosphere).
 
 use super::bodies::AU_M;
 use super::shadow::{EARTH_RADIUS_M, Earth};
 use nalgebra::Vector3;
 use std::f64::consts::PI;
 
-/// The share of the Sun's light that the Earth reflects, air and clouds included: 0.31 (107 of 342
-/// W/m^2; Kiehl & Trenberth 1997, BAMS 78, 197) to 0.29 by later budgets.
+/// Bond albedo of the Earth, air and clouds included: 0.31 (107 of 342 W/m^2; Kiehl & Trenberth
+/// 1997, BAMS 78, 197) to 0.29 by later budgets.
 pub const EARTH_ALBEDO: f64 = 0.3;
 
-/// Golden angle, rad: neighbours on a spiral with this turn never align.
+/// Golden angle, rad: points of a spiral with this step in azimuth cover a disc evenly.
 const GOLDEN_ANGLE: f64 = PI * (3.0 - 2.236_067_977_499_79);
 
 /// The Earth for one observer.
@@ -93,8 +93,8 @@ impl EarthDisc {
         (0..n).filter_map(patch).collect()
     }
 
-    /// The direction (unit vector) with `part` of the disc nearer to its middle, at the position
-    /// angle `turn` (rad), and the solid angle (sr) of the disc at the local scale.
+    /// The direction (unit vector) at the position angle `turn` (rad) with the fraction `part` of
+    /// the disc nearer to its centre; and the solid angle (sr) of the disc at the local scale.
     ///
     /// In stretched space the Earth is a sphere, its disc a cone of half angle rho, sin(rho) = a /
     /// r, and solid angle 4 pi sin^2(rho / 2). The part within an angle theta from its axis is

@@ -1,9 +1,9 @@
-//! Candidates of a whole catalogue in the field: a test of directions and distances, before any
-//! photometry.
+//! Selects the objects of a catalogue that may be in the field, by directions and distances, before
+//! any photometry.
 //!
 //! ```text
 //! every object:  in the cone? -> in the field? -> behind the Earth? -> bright enough?
-//! the rest:      apparent directions, shadow, brightness (`propagate`)
+//! candidates:    apparent directions, shadow, brightness (`propagate`)
 //! ```
 //!
 //! All bounds are on the safe side: every object that might be seen during the exposure remains.
@@ -24,8 +24,8 @@ use std::f64::consts::PI;
 /// An object nearer than this is the observer's own vehicle, m.
 pub const OWN_VEHICLE_M: f64 = 1.0;
 
-/// Bound of light time and aberration on a direction, rad: 100 km/s over c each, which neither
-/// observers nor objects exceed, rounded up.
+/// Bound of the shift of a direction by light time and aberration, rad: 100 km/s over c for each,
+/// rounded up. Neither observers nor objects are faster.
 const WANDER: f64 = 7e-4;
 /// Radius of a sphere inside the Earth, km: the polar radius.
 const EARTH_KM: f64 = 6356.7;
@@ -40,7 +40,7 @@ pub struct Field<'a> {
     pub axis: Vector3<f64>,
     /// Half the cone's angle, rad.
     pub angle: f64,
-    /// Planes (ICRF) that bound the field within it, if it has any.
+    /// Planes (ICRF) that bound the field within the cone; may be empty.
     pub sides: &'a [Side],
     /// The observer at the exposure's start, mid and end.
     pub shutter: &'a [Observer; 3],
@@ -49,8 +49,8 @@ pub struct Field<'a> {
     pub reach_m: f64,
 }
 
-/// Bound of an object's reflective area: the factor of the diffuse phase function, m^2, and the
-/// part for all phases, m^2/sr.
+/// Upper bound of an object's reflective area: the factor of the diffuse phase function, m^2, and
+/// the part that is the same at all phases, m^2/sr.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Bright {
     diffuse: f32,
@@ -82,7 +82,7 @@ impl Bright {
 /// Why an object in the field has no image.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Excluded {
-    /// It is behind the Earth throughout.
+    /// It is behind the Earth throughout the exposure.
     BehindEarth,
     /// Even in full light it is below the noise.
     TooFaint,
@@ -99,9 +99,9 @@ impl Field<'_> {
         let mid = &self.shutter[1];
         let line = state.position_m - mid.position_m;
         let range = line.norm();
-        // From mid-exposure to either end, on a path w, the line turns by at most asin(w / range),
-        // or half a turn if w is longer. Pi w / range exceeds both, with a margin for a curved
-        // path.
+        // If the object moves by w relative to the observer, the line of sight turns by at most
+        // asin(w / range), or by up to pi if w exceeds the range. Pi w / range exceeds both, with a
+        // margin for a curved path.
         let path_m = (state.velocity_m_s - mid.velocity_m_s).norm() * self.duration_s() / 2.0;
         let sweep = PI * path_m / range.max(1e-3);
         let reach = (self.angle + WANDER + sweep).min(PI);
@@ -113,8 +113,8 @@ impl Field<'_> {
             })
     }
 
-    /// The sides' inward normals, each with the smallest product for a fixed direction (unit
-    /// vector, ICRF) that may be between the sides during the exposure.
+    /// The inward normal of each side, and a bound: a fixed direction (unit vector, ICRF) may be
+    /// within the side during the exposure if its product with the normal is at least that.
     pub(crate) fn still_sides(&self) -> Vec<(Vector3<f64>, f64)> {
         let sides = self.sides.iter().map(|side| {
             let beyond = (side.beyond + WANDER).min(PI / 2.0);
@@ -159,7 +159,7 @@ pub(crate) struct Test<'a> {
     sun_km: Vector3<f64>,
     /// The cone around the field, and how far object and observer may move.
     cone: Cone,
-    /// Normals of the planes around the field, and sines of how far it extends beyond them.
+    /// Normals of the planes around the field, and sines of the angles by which it extends beyond.
     sides: Vec<(Vector3<f64>, f64)>,
     /// Radius of the occulting Earth; 0 if it hides nothing.
     earth_km: f64,
@@ -217,8 +217,8 @@ impl Look for Test<'_> {
 }
 
 impl Test<'_> {
-    /// The result for one object by its state (TEME) and the bound of its light: none if it is not
-    /// in the field, else why it is not seen. An object faster than any bound orbit always remains.
+    /// The result for one object by its state (TEME) and the bound of its light: none outside the
+    /// field, `Err` if it is not seen. An object faster than any bound orbit always passes.
     pub fn assess(&self, state: &StateVector, bright: Bright) -> Option<Result<(), Excluded>> {
         if state.velocity_m_s.norm() > FASTEST_KM_S * 1e3 {
             return Some(Ok(()));
@@ -236,8 +236,8 @@ impl Test<'_> {
         let observer = Vector3::from(self.cone.apex_km());
         let line = Vector3::from(*place_km) - observer;
         let range = line.norm();
-        // An object `b` rad beyond a plane at distance r is r sin b below it; if it moves by w it
-        // may have been further away, too.
+        // An object at range r in a direction `b` rad beyond a plane is r sin b beyond it. If it
+        // moves by w, its range may be greater by w, too.
         let inside = |(inward, sin): &(Vector3<f64>, f64)| {
             line.dot(inward) >= -(range + self.cone.path_km) * sin - self.cone.path_km
         };

@@ -37,14 +37,14 @@ pub struct Passage<'a> {
 /// Instants of an exposure per crossing of the narrowest lobe: the light of one crossing is
 /// accurate to 3 %.
 const INSTANTS: f64 = 32.0;
-/// Greatest number of instants times facets: a tenth of a second, if all are sides of cylinders. A
-/// body that rotates further gets the mean of as many attitudes as this permits.
+/// Greatest number of instants times facets: if all are sides of cylinders, a tenth of a second of
+/// computation. A body that rotates further gets the mean of as many attitudes as this permits.
 const MAX_WORK: f64 = 50_000.0;
 
 impl Body {
     /// Eq. (6), m^2/sr: the mean over the exposure, during which glints and tumbling change it. The
-    /// number of instants depends on the rotation of the body, the observer and the Sun against
-    /// each other: without any, one is enough.
+    /// number of instants grows with the rotation of the body and of its line to the observer; one
+    /// is enough without any rotation.
     pub fn mean_reflective_area(&self, passage: &Passage<'_>) -> f64 {
         let [start, _, end] = passage.observers;
         let duration_s = (end.epoch - start.epoch).to_seconds();

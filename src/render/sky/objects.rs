@@ -42,7 +42,7 @@ pub struct SeenObject {
     /// As seen at the middle of the exposure.
     pub apparent: ApparentObject,
     /// Apparent vectors from the observer (m, ICRF axes): direction times range at the exposure's
-    /// start, mid and end. They change smoothly where directions may change fast.
+    /// start, mid and end. A parabola fits them better than directions, which may change fast.
     pub lines_m: [Vector3<f64>; 3],
     /// Phase angle Sun - object - observer, rad.
     pub phase: f64,
@@ -100,7 +100,7 @@ impl Objects {
         self.looks.get(*look as usize)
     }
 
-    /// Upper bound of an object's light; a body's depends on its attitude.
+    /// Upper bound of an object's light; none for a body, whose light depends on its attitude.
     pub(crate) fn brightest(&self, index: usize) -> Bright {
         match self.look_at(index) {
             None => Bright::of(&self.sphere),

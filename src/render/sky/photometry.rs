@@ -1,8 +1,8 @@
 //! Photometry: magnitudes, photon irradiance and the reflecting sphere.
 //!
 //! Clark et al. 2021 (Sensors 21, 7868), Eqs. (1), (6)-(10), with two corrections: the exponent of
-//! Eqs. (1) and (10) is -0.4 m (printed -0.04 m), and the specular sphere of Eq. (8) is 1 / (4 pi)
-//! (printed 1 / (4 pi^2)): only so does a lossless mirror sphere conserve light.
+//! Eqs. (1) and (10) is -0.4 m (printed -0.04 m), and the specular phase function of Eq. (8) is
+//! 1 / (4 pi) (printed 1 / (4 pi^2)): only so does a lossless mirror sphere conserve light.
 
 use super::bodies::AU_M;
 use crate::attitude::angle_between;

@@ -7,8 +7,8 @@
 //! (33), Neptune 10 (4.8). Deflection by the Sun is omitted.
 //!
 //! **Magnitudes**: V by Mallama & Hilton 2018 (Astronomy and Computing 25, 10), with their
-//! polynomials for the phase angles `a` (deg) near the Earth, and `r` and `d` the distances from
-//! the Sun and from the observer in au:
+//! polynomials for the phase angles `a` (deg) that occur near the Earth, and `r` and `d` the
+//! distances from the Sun and from the observer in au:
 //!
 //! ```text
 //! V = 5 log10(r d) + V(a)
@@ -150,27 +150,27 @@ fn venus(at: &Circumstances) -> f64 {
     polynomial(at.a, if at.a < 163.7 { &C } else { &FORWARD })
 }
 
-/// Valid up to 50 degrees.
+/// Valid up to a phase angle of 50 degrees.
 fn mars(at: &Circumstances) -> f64 {
     polynomial(at.a, &[-1.601, 2.267e-2, -1.302e-4])
 }
 
-/// Valid up to 12 degrees.
+/// Valid up to a phase angle of 12 degrees.
 fn jupiter(at: &Circumstances) -> f64 {
     polynomial(at.a, &[-9.395, -3.7e-4, 6.16e-4])
 }
 
-/// Eq. (10), up to 6.5 degrees: with B the geometric mean of the Sun's and the observer's latitudes
-/// over the rings, 0 if they are on different sides,
-/// `-8.914 - 1.825 sin B + 0.026 a - 0.378 sin B e^(-2.25 a)`.
+/// Eq. (10), valid up to a phase angle of 6.5 degrees:
+/// `-8.914 - 1.825 sin B + 0.026 a - 0.378 sin B e^(-2.25 a)`, with B the geometric mean of the
+/// Sun's and the observer's latitudes over the rings, 0 if they are on different sides.
 fn saturn(at: &Circumstances) -> f64 {
     let product = latitude(&SATURN_POLE, &at.to_sun) * latitude(&SATURN_POLE, &at.to_observer);
     let sin_b = libm::sin(product.max(0.0).sqrt());
     -8.914 - 1.825 * sin_b + 0.026 * at.a - 0.378 * sin_b * libm::exp(-2.25 * at.a)
 }
 
-/// Up to 3.1 degrees (the Earth reaches 3.2): `-7.110 - 0.00084 f`, f the mean distance (deg) of
-/// Sun and observer from the equator.
+/// Valid up to a phase angle of 3.1 degrees (3.2 is the greatest from the Earth):
+/// `-7.110 - 0.00084 f`, f the mean of the Sun's and the observer's latitudes (deg, unsigned).
 fn uranus(at: &Circumstances) -> f64 {
     let [sun, observer] =
         [&at.to_sun, &at.to_observer].map(|v| latitude(&URANUS_POLE, v).abs().to_degrees());

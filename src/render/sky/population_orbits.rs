@@ -21,11 +21,11 @@ pub struct Seen {
     pub excluded: Vec<(usize, Excluded)>,
     /// Number of objects of the population without a position at this time.
     pub unknown: usize,
-    /// The reasons, once per object.
+    /// The reasons; each object is reported only once.
     pub notices: Vec<OrbitError>,
 }
 
-/// The number of an object's only element set.
+/// Replaces the number of an element set if the object has no other set.
 const SOLE: u32 = u32::MAX;
 
 /// The orbits of a population.
@@ -56,7 +56,7 @@ impl PopulationOrbits {
                 elements.push(*set);
             }
         }
-        // Sets read from files initialise. If another one fails, the scalar model reports it.
+        // All sets from files initialise. If another set fails, the scalar model reports the error.
         let tracks = Tracks::new(&elements).unwrap_or_default();
         let mut others = Vec::new();
         if tracks.is_empty() {

@@ -43,9 +43,9 @@ pub(crate) enum Outcome {
 /// An object's index, and the number of its track, if it has one.
 pub(crate) type Near = (u32, Option<u32>);
 
-/// Light time over 3000 km, s.
+/// For light time, states are also computed this much earlier, s. It is the light time of 3000 km.
 const EARLIER_S: f64 = 0.01;
-/// Greatest change of the path in that time within an exposure, m; more counts as a jump.
+/// Residuals (see [`smooth`]) that differ by more than this within an exposure are a jump, m.
 const JUMP_M: f64 = 0.01;
 
 impl Propagation<'_> {
@@ -139,11 +139,11 @@ impl Propagation<'_> {
     }
 }
 
-/// The states `then`, [`EARLIER_S`] before `now`, corrected for jumps of the model in that time: a
-/// longer light time must not multiply a jump.
+/// The states `then`, [`EARLIER_S`] before `now`, corrected for jumps of the model in that time:
+/// extrapolation to a longer light time would multiply a jump.
 fn smooth(now: &[StateVector; 3], then: [StateVector; 3]) -> [StateVector; 3] {
-    // Difference of the path from the velocities. SGP4's velocities are not the derivative of its
-    // positions; the difference is constant over an exposure.
+    // Residual: the path between both instants minus that by the mean velocity. SGP4's velocities
+    // are not the derivative of its positions, but the residual is constant over an exposure.
     let off = [0, 1, 2].map(|k: usize| {
         let mean_m_s = (now[k].velocity_m_s + then[k].velocity_m_s) / 2.0;
         now[k].position_m - then[k].position_m - mean_m_s * EARLIER_S

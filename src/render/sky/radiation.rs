@@ -1,5 +1,5 @@
-//! Flux of charged particles through the detector, by position: galactic cosmic rays behind the
-//! Earth's magnetic field, and the South Atlantic Anomaly. A simple model of mean rates.
+//! Flux of charged particles through the detector, by position: galactic cosmic rays, reduced by
+//! the Earth's magnetic field, and the South Atlantic Anomaly. A simple model of mean rates.
 //!
 //! Galactic cosmic rays and their secondaries from the spacecraft, by the cutoff rigidity R (GV) of
 //! the field:
@@ -28,7 +28,7 @@
 //! f = 1100 exp(-(dlon / 16)^2 / 2 - (dlat / 9)^2 / 2) exp((h - 538) / 100)
 //! ```
 //!
-//! in /cm^2/s, deg and km, with h up to 750.
+//! in /cm^2/s, deg and km, with h limited to 750.
 //!
 //! - 1100 /cm^2/s at the Hubble's 538 km: Miles et al. 2021, ApJ 918, 86.
 //! - Centre 30 S, 40 W in 1974: Knoll, Holzer and Schmidtke 1977, JGR 82, 5281, at 700 to 800 km;
@@ -37,7 +37,7 @@
 //! - Widths (assumed): with them the anomaly falls below the cosmic rays 58 deg east and west and
 //!   33 deg north and south of its centre, and the Hubble's orbit is inside for 16 % of its time
 //!   (see the test).
-//! - Altitude law (assumed): trapped protons are lost to the air, so their flux grows by e with
+//! - Altitude law (assumed): air absorbs trapped protons, so their flux grows by a factor e with
 //!   each scale height of air, 50 to 100 km there, up to some 10^4 /cm^2/s, the order of the inner
 //!   belt's greatest flux; from 3,000 km on it falls by e per 3,000 km, down to 0 at the end of the
 //!   proton belt.
@@ -62,7 +62,7 @@ const EARTH_M: f64 = 6_371_200.0;
 /// (m); [`FREE_SPACE`] for a position that is not finite.
 pub fn flux(position_m: &Vector3<f64>, epoch: Epoch) -> f64 {
     let position = Place::of(position_m, epoch);
-    // At the Earth's centre, without a direction, there is no anomaly.
+    // At the Earth's centre the direction is undefined: the anomaly is NaN, and counts as 0.
     cosmic_rays(position.cutoff_gv()) + anomaly(&position).max(0.0)
 }
 

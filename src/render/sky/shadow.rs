@@ -130,7 +130,7 @@ impl Earth {
 
     /// The angle (rad) from the Earth's limb, for an observer at `observer_m` (GCRF, m), to a
     /// direction (any length): negative in front of the Earth; infinite for an observer inside it.
-    /// The sign is exact, the size to a relative error of the flattening.
+    /// The sign is exact; the magnitude has a relative error of the order of the flattening.
     pub fn limb_angle(&self, observer_m: Vector3<f64>, direction: &Vector3<f64>) -> f64 {
         let cone = self.limb_cone(observer_m);
         cone.map_or(f64::INFINITY, |cone| cone.angle(direction))
@@ -154,8 +154,8 @@ impl Earth {
     }
 
     /// Minimum and maximum angle (rad) from the direction of the Earth's centre to the outline of
-    /// the Earth with a shell of `altitude_m`, for an observer (GCRF, m), to 1e-5 rad on the safe
-    /// side: the outline of an ellipsoid is not a circle. Pi for an observer inside.
+    /// the Earth with a shell of `altitude_m`, which is not a circle, for an observer (GCRF, m).
+    /// Both include a margin of 1e-5 rad. Pi for an observer inside.
     pub fn outline(&self, observer_m: Vector3<f64>, altitude_m: f64) -> [f64; 2] {
         const POINTS: usize = 360;
         const MARGIN: f64 = 1e-5;
@@ -177,10 +177,10 @@ impl Earth {
         [(min - MARGIN).max(0.0), (max + MARGIN).min(PI)]
     }
 
-    /// The unit vector across `axis` (unit vector) at the angle `turn` (rad) from the one nearest
-    /// to the pole.
+    /// The unit vector perpendicular to `axis` (unit vector) at the angle `turn` (rad) from the
+    /// perpendicular that is nearest to the pole.
     pub(super) fn across(self, axis: Vector3<f64>, turn: f64) -> Vector3<f64> {
-        // An arbitrary reference if the axis is the pole.
+        // Within 26 deg of the pole another direction replaces it as the reference.
         let other = if self.pole.dot(&axis).abs() < 0.9 {
             self.pole
         } else {
@@ -191,8 +191,8 @@ impl Earth {
         first * cos + axis.cross(&first) * sin
     }
 
-    /// Whether the half line from `start` along `line` comes nearer to the origin than the Earth's
-    /// radius after `start`.
+    /// Whether the ray from `start` along `line`, both in stretched space, approaches the origin
+    /// and passes within the Earth's radius of it.
     fn line_meets_sphere(self, start: Vector3<f64>, line: Vector3<f64>) -> bool {
         // Distance of a line from the origin: |start x line| / |line|.
         start.dot(&line) < 0.0
@@ -205,9 +205,9 @@ impl Earth {
     /// [`Bodies::sun_apparent_m`](super::bodies::Bodies::sun_apparent_m); both GCRF, m.
     ///
     /// The disc is uniform (no limb darkening). First and last contact are within 0.1 m of the
-    /// tangents to both bodies. Between them the fraction is within 4e-5 of an integration ray by
-    /// ray up to geostationary orbit, and within 0.003 from the tip of the umbra (1.38 million km)
-    /// outward, where the Earth's whole outline matters.
+    /// tangents to both bodies. Between them the fraction is within 4e-5 of a ray-by-ray
+    /// integration up to geostationary orbit, and within 0.003 from the tip of the umbra (1.38
+    /// million km) outward, where the Earth's whole outline matters.
     pub fn illumination(&self, object_m: Vector3<f64>, sun_m: Vector3<f64>) -> f64 {
         let object = self.to_sphere(object_m);
         let distance = object.norm();
@@ -225,12 +225,12 @@ impl Earth {
         1.0 - covered_fraction(sun_radius, earth_radius, separation)
     }
 
-    /// Radius of the Sun, stretched with space, across the line of sight toward the Earth's centre,
-    /// m.
+    /// Radius of the Sun in stretched space, m, perpendicular to the line of sight and toward the
+    /// Earth's centre.
     fn stretched_sun_radius(self, toward_sun: Vector3<f64>, toward_earth: Vector3<f64>) -> f64 {
         let across = toward_earth - toward_sun * toward_sun.dot(&toward_earth);
-        // Support function of an ellipsoid S(ball): |S n| for the unit normal n. In line with the
-        // Earth all sides are equal.
+        // Support function of an ellipsoid S(ball): |S n| for the unit normal n. If the Sun is in
+        // line with the Earth's centre, there is no such normal, and the radius is not stretched.
         across
             .try_normalize(1e-12)
             .map_or(SUN_RADIUS_M, |n| SUN_RADIUS_M * self.to_sphere(n).norm())
@@ -240,11 +240,11 @@ impl Earth {
 /// The part of a small disc of angular radius `sun` (the Sun) covered by another of radius `earth`,
 /// with centres `separation` apart; all rad.
 ///
-/// The other limb is approximated by the plane circle that touches it and has its curvature next to
-/// the Sun, of radius tan(`earth`): exact at contact, and accurate to the square of the Sun's
-/// radius (2e-5) across it.
+/// The Earth's limb is approximated by the plane circle of radius tan(`earth`) that touches it next
+/// to the Sun with the same curvature there: exact at contact, and accurate to the square of the
+/// Sun's radius (2e-5) across it.
 fn covered_fraction(sun: f64, earth: f64, separation: f64) -> f64 {
-    // Straighter limbs are lines over the Sun's disc; larger radii would lose precision below.
+    // A limb of larger radius is a line across the Sun's disc, and would lose precision below.
     let radius = libm::tan(earth).min(1e6 * sun);
     let to_limb = separation - earth; // of the Sun's centre; negative inside the disc of the Earth
     if to_limb >= sun {

@@ -50,10 +50,10 @@ pub struct SeenStar {
 
 /// Stars of a group.
 const GROUP: usize = 64;
-/// Minimum number of stars per thread.
+/// Minimum number of stars per parallel task.
 const TASK: usize = 64;
-/// Height of the strips of the sky that are cut into groups (1, along the pole's axis). In a strip
-/// stars are ordered by right ascension; with 78,000 stars a group is some 7 deg wide.
+/// Height, in sin(declination), of the strips of the sky that are cut into groups. In a strip stars
+/// are ordered by right ascension; with 78,000 stars a group is some 7 deg wide.
 const STRIP: f64 = 0.08;
 
 /// Neighbouring stars, and a cone around them.
@@ -94,8 +94,8 @@ impl Group {
     }
 }
 
-/// The indices in an order in which consecutive stars are neighbours: strip by strip, around the
-/// pole in each.
+/// The indices in an order in which consecutive stars are neighbours: strip by strip, and by right
+/// ascension in each.
 fn order(stars: &[StarMotion]) -> Vec<u32> {
     let key = |(index, star): (usize, &StarMotion)| {
         let at = &star.direction;
@@ -119,7 +119,7 @@ impl StarField {
     pub fn new(catalog: Catalog, band: &Band, colour: bool) -> StarField {
         let v_band = Band::named("v");
         let stars = catalog.stars();
-        // Colours are rounded to about 0.001: there are far fewer than stars.
+        // The catalogue's B-V has steps of 0.001 mag: there are far fewer colours than stars.
         let terms: HashMap<u64, f64> = match &v_band {
             Some(v_band) if colour => {
                 let colours: HashSet<u64> = stars.iter().map(|star| star.b_v.to_bits()).collect();

@@ -6,12 +6,12 @@
 //! catalogue, so no light counts twice. `tests/reference/starlight.py` computes the table:
 //!
 //! - to V = 11 from the stars themselves (Hipparcos and Tycho, complete there);
-//! - beyond by counts of stars: Bahcall & Soneira 1980 (ApJS 44, 73, Eq. B1) for the ratio to the
-//!   light of V 10 to 11 from 20 degrees of latitude on; near the plane that ratio at 20 degrees,
-//!   times one factor that gives the whole sky the light of all counts to V = 25.
+//! - beyond by the ratio to the light of V 10 to 11 in the star counts of Bahcall & Soneira 1980
+//!   (ApJS 44, 73, Eq. B1), from 20 degrees of latitude on. Nearer to the plane the ratio is that
+//!   at 20 degrees, times one factor that gives the whole sky the light of all counts to V = 25.
 //!
-//! Validity: some 20 %, and no structure finer than the table's; the part beyond V = 11 (6 of 10
-//! photons) is a model. With the catalogue the mean is 106 S10 over the sky, and 36 and 43 at the
+//! Validity: some 20 %, and no structure finer than the table's; the part beyond V = 11 (60 % of
+//! the light) is a model. With the catalogue the mean is 106 S10 over the sky, and 36 and 43 at the
 //! poles, where the model SKY (Wainscoat et al. 1992) has 38 (Leinert et al. 1998, A&AS 127, 1,
 //! Table 24). Starlight scattered by dust (diffuse galactic light, a further 10 to 30 %) and
 //! galaxies (1 S10) are omitted.

@@ -18,7 +18,7 @@
 //!
 //! where `e` is the elongation, stretched toward the poles, `p` = 2.25, `q` = 2.2, and `r` the
 //! bicubic Hermite polynomial through the table: exact at the nodes and smooth over the whole sky
-//! (C1). Closer to the Sun than the table (15 degrees), `r` is constant, so the power law
+//! (C1). Nearer to the Sun than the table (15 degrees), `r` is constant, so the power law
 //! continues. The table's own exponents there are 2.0 in the ecliptic and 2.3 across it.
 
 use std::sync::LazyLock;
@@ -106,7 +106,7 @@ const STRETCH: f64 = 2.2;
 /// Minimum of `e^2`: within the Sun's disc (16 arcmin) the light is constant.
 const MIN_SQUARE: f64 = 2.2e-5;
 
-/// The table's innermost node in the ecliptic, whose `r` is used closer to the Sun.
+/// The table's innermost node in the ecliptic, whose `r` is used nearer to the Sun.
 const NEXT_TO_THE_SUN: (usize, usize) = (3, 0);
 
 static RESIDUAL: LazyLock<Bicubic> = LazyLock::new(residual);

@@ -1,5 +1,5 @@
-//! Divides a track into pieces that are nearly straight and even, these into panels, and those into
-//! points.
+//! Divides a track into pieces that are nearly straight and have nearly constant speed, these into
+//! panels, and those into points.
 
 use super::path::{Path, distance};
 use super::rows::{Lit, Rows, Turns};
@@ -17,15 +17,13 @@ const FOUR: [(f64, f64); 4] = [
     (0.930_568_155_797_026_3, 0.173_927_422_568_726_93),
 ];
 /// A piece is halved if its middle is further than this part of its length from the middle of its
-/// chord: it bends, or its speed changes by more than a sixth.
-/// A piece is halved if its middle is further than this part of its length from the middle of its
 /// chord: it is curved, or its speed changes by more than a sixth.
 const BEND: f64 = 0.02;
 /// Longest piece, px: a fast track is sampled finely over little more than its part in the window.
 const LONGEST_PX: f64 = 256.0;
 /// A bend of at most this counts as none, px: above the rounding of still images.
 const MIN_PX: f64 = 1e-9;
-/// Shortest panel, px: narrower light hardly differs on pixels.
+/// Lower limit of the longest panel, px: on pixels, narrower spreads hardly differ.
 const MIN_STEP_PX: f64 = 1e-3;
 /// Narrowest Gaussian, px: a narrower one lies on one pixel or its edge.
 pub(crate) const MIN_SIGMA_PX: f64 = 0.01;
@@ -92,7 +90,8 @@ impl<F: Fn(f64) -> Option<Place>> Sampler<'_, F> {
         knots
     }
 
-    /// The instant between `a` and `b` that equals `edge` of the image's row at that time.
+    /// The instant between `a` and `b` at which the row of the image opens or closes; `edge` gives
+    /// that time for a row (px).
     fn crossing(&self, a: Knot, b: Knot, edge: impl Fn(f64) -> f64) -> Option<Knot> {
         let late = |(part, position): &Knot| position.map(|place| *part >= edge(place.at[1]));
         let (mut a, mut b) = (a, b);
@@ -110,8 +109,8 @@ impl<F: Fn(f64) -> Option<Place>> Sampler<'_, F> {
         Some(b)
     }
 
-    /// Whether a row within the light's reach and `bend` of the rows `ys` may open or close in that
-    /// time.
+    /// Whether a row near the rows `ys`, within `bend` and the light's reach, may open or close
+    /// between `from` and `to`.
     fn is_cut(&self, [from, to]: [f64; 2], ys: [f64; 3], bend: f64) -> bool {
         let TrackSpec { rows, reach_px, .. } = self.spec;
         if rows.are_together() {
@@ -135,7 +134,7 @@ impl<F: Fn(f64) -> Option<Place>> Sampler<'_, F> {
             return None;
         }
         let light = (from.light + 4.0 * middle.light + to.light) / 6.0;
-        // Without light, in the middle.
+        // If no light arrives, the point is the middle.
         let part = |end: &Place| {
             if light > 0.0 {
                 end.light / (6.0 * light)
@@ -158,8 +157,8 @@ impl<F: Fn(f64) -> Option<Place>> Sampler<'_, F> {
     /// Samples the pieces between `knots`.
     pub(crate) fn pieces(&self, knots: &[Knot], samples: &mut Vec<Sample>) {
         match *knots {
-            // The two halves of a short track are one panel if it is nearly straight; the same
-            // where a piece needs no panels.
+            // A short track is one piece, and one panel if nearly straight. So is a track whose
+            // pieces need no panels.
             [first, mid, last]
                 if mid.0 == (first.0 + last.0) / 2.0
                     && (self.length_px <= self.spec.panel_px || self.even.is_some()) =>
@@ -192,7 +191,7 @@ impl<F: Fn(f64) -> Option<Place>> Sampler<'_, F> {
         samples: &mut Vec<Sample>,
     ) {
         let (mut panels, mut near) = (1.0, false);
-        // The rows that the image crosses, and its possible distance from them, if known.
+        // The rows of the image at the start, middle and end, and its bend between them, if known.
         let mut passed = None;
         let split;
         match (a.1, mid.1, b.1) {
@@ -215,10 +214,10 @@ impl<F: Fn(f64) -> Option<Place>> Sampler<'_, F> {
                     4.0 * self.spec.reach_px
                 };
                 split = near && (bend > (BEND * length).max(MIN_PX) || length > longest);
-                // On a parabola the fastest end exceeds the mean speed by 4 bend / length.
+                // On a parabola the greatest speed is 1 + 4 bend / length times the mean.
                 panels = (length + 4.0 * bend) / self.step_px();
             }
-            // The source enters or leaves the half space before the camera.
+            // The source enters or leaves the half space in front of the camera.
             _ => split = true,
         }
         if split && depth > 0 {
@@ -239,7 +238,7 @@ impl<F: Fn(f64) -> Option<Place>> Sampler<'_, F> {
         if let (false, Some(even), Some(known)) = (split, self.even, places([a, mid, b])) {
             return self.even_piece([a.0, b.0], known, even, samples);
         }
-        // A piece that still needs a split at the greatest depth is a jump.
+        // A piece that still needs a split at the greatest depth is a jump of the image: one panel.
         let panels = if split { 1.0 } else { panels };
         let panels = panels.ceil().max(1.0) as usize;
         for i in 0..panels {
@@ -273,7 +272,7 @@ impl<F: Fn(f64) -> Option<Place>> Sampler<'_, F> {
         let [first, middle, last] = known.map(|position| position.at);
         let chord = [0, 1].map(|k| (first[k] + last[k]) / 2.0);
         let length = distance(first, middle) + distance(middle, last);
-        // On a parabola the fastest end exceeds the mean speed by 4 bend / length.
+        // On a parabola the greatest speed is 1 + 4 bend / length times the mean.
         let sigmas = (length + 4.0 * distance(middle, chord)) / sigma_px;
         // A few points cost no more than fitting a path.
         let is_short = rule::are_few(sigmas, error, PATH_EVALUATIONS);
@@ -328,7 +327,7 @@ impl<F: Fn(f64) -> Option<Place>> Sampler<'_, F> {
         }));
     }
 
-    /// The light of a time in which some rows open or close. All share four points; each row's
+    /// Samples an interval in which some rows open or close. All rows share four points; each row's
     /// weights are the integrals over its part of the polynomials L_k that are 1 at one point and 0
     /// at the others. For a panel of length h:
     ///
@@ -377,7 +376,7 @@ fn polynomial(k: usize, u: f64) -> f64 {
     factors.product()
 }
 
-/// Length of the line through the positions, px; without parts that end behind the camera.
+/// Length of the line through the positions, px; without segments that end behind the camera.
 pub(crate) fn length(places: &[Option<Place>]) -> f64 {
     let between = places.windows(2).map(|ends| match ends {
         [Some(a), Some(b)] => distance(a.at, b.at),

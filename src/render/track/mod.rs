@@ -1,10 +1,10 @@
 //! The path of a point source's image over the exposure.
 //!
-//! A track is cut into pieces that are nearly straight and nearly even, and these into panels a
-//! fraction of the point spread function long. A panel covers an interval of time, so it carries
-//! the light of that time at any image speed; it is integrated by the two-point Gauss rule. Where
-//! one Gaussian spreads the light everywhere and all rows collect it together, a whole piece has a
-//! rule of higher order instead (`rule`).
+//! A track is cut into pieces that are nearly straight and have nearly constant speed, and these
+//! into panels a fraction of the point spread function long. A panel is an interval of time: its
+//! light is that of this time at any image speed, integrated by the two-point Gauss rule.
+//! Where one Gaussian spreads the light everywhere and all rows collect it together, a whole piece
+//! has a rule of higher order instead (`rule`).
 
 mod adaptive_sampling;
 mod path;
@@ -29,9 +29,9 @@ thread_local! {
 /// The path of a source's image on the unbounded detector plane.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Track {
-    /// Position when its row opens (or when the source comes before the camera), px.
+    /// Position when its row opens (or when the source enters the camera's half space), px.
     pub start: [f64; 2],
-    /// Position when its row closes (or when the source goes behind the camera), px.
+    /// Position when its row closes (or when the source leaves the camera's half space), px.
     pub end: [f64; 2],
     /// Points that carry its light.
     pub samples: Vec<Sample>,
@@ -52,7 +52,7 @@ impl Track {
         }
     }
 
-    /// The same light between other ends.
+    /// The same samples with other ends.
     pub fn between(mut self, [start, end]: [[f64; 2]; 2]) -> Track {
         (self.start, self.end) = (start, end);
         self
@@ -64,9 +64,9 @@ impl Track {
         samples.for_each(|sample| sample.weight *= factor);
     }
 
-    /// Stores its samples for a later track.
+    /// Stores the vector of its samples for a later track.
     pub(crate) fn recycle(mut self) {
-        // One point has little.
+        // A vector of one sample is not worth storing.
         if self.samples.len() > 1 {
             self.samples.clear();
             SAMPLES.set(self.samples);
@@ -125,7 +125,7 @@ impl Track {
         let even = track_spec.even.filter(|_| track_spec.rows.are_together());
         sampler.even = even.map(|Even { sigma_px, height_e }| {
             let sigma_px = sigma_px.max(MIN_SIGMA_PX);
-            // Two pieces err at their common end.
+            // Two adjacent pieces both err at their common end.
             let error = fidelity.streak_error(sampler.length_px / sigma_px, height_e) / 2.0;
             (sigma_px, error)
         });

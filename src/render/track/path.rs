@@ -13,7 +13,7 @@ pub(crate) struct Path([[f64; 5]; 3]);
 
 impl Path {
     /// Through the positions `known` at start, middle and end and two more. None if it misses the
-    /// check point by more than `tolerance` px (or that part of its light).
+    /// check point by more than `tolerance` px, or its light by more than that fraction.
     pub fn through(
         known: [Place; 3],
         position: impl Fn(f64) -> Option<Place>,

@@ -64,7 +64,7 @@ impl Rows {
         }
     }
 
-    /// A rolling shutter: each row for `exposure_s`, the last `readout_s` after the first.
+    /// A rolling shutter: each row is open for `exposure_s`, the last `readout_s` after the first.
     pub fn in_turn(count: usize, exposure_s: f64, readout_s: f64) -> Rows {
         let open_s = exposure_s + readout_s;
         Rows {

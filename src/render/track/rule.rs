@@ -21,7 +21,7 @@ const SPAN: f64 = 5.0;
 /// an endless streak, up to [`WIDEST`].
 const SPACED: f64 = 4.5e-6;
 const WIDEST: f64 = 1.5;
-/// Greatest number of equally spaced points: a longer piece is cut before.
+/// Greatest number of equally spaced points: longer pieces are halved before.
 const MAX_SPACED: f64 = 1e6;
 /// Most points of a Gauss rule; beyond, equally spaced points are cheaper.
 const MAX: usize = 11;
@@ -79,7 +79,7 @@ impl Gauss {
     }
 }
 
-/// Positions (0..1) of the points of the smallest rule, which most pieces have.
+/// Positions (0..1) of the points of the smallest rule, which most pieces use.
 pub(crate) fn fewest_points() -> impl Iterator<Item = f64> {
     GAUSS[0].points.iter().map(|(at, _)| *at)
 }
@@ -101,8 +101,8 @@ fn steps(length: f64, error: f64) -> f64 {
     nearest((length / widest).ceil(), 2.0 * SPAN..=MAX_SPACED)
 }
 
-/// Gives the points of a piece of `length` standard deviations (0..1 of it) and their weights,
-/// which sum to 1. The light that a Gaussian collects then errs by less than `error`, relative to
+/// Calls `point` with each point (0..1) of a piece of `length` standard deviations and its weight;
+/// weights sum to 1. The light that a Gaussian collects then errs by less than `error`, relative to
 /// an endless streak. Light, centroid and width are exact for any error.
 pub(crate) fn points(length: f64, error: f64, mut point: impl FnMut(f64, f64)) {
     if let Some(gauss) = gauss(length, error) {

@@ -21,7 +21,7 @@ pub struct Sample {
     pub weight: f64,
     /// The rows that collect it.
     pub lit: Lit,
-    /// Rows that collect a share of it.
+    /// Further rows that collect only a part of it, each with that part (1).
     pub parts: Vec<(Lit, f64)>,
 }
 

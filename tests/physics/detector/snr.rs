@@ -62,7 +62,7 @@ impl Filter {
         let centre = mean(self.amplitudes.iter().copied());
         let variance = mean(self.amplitudes.iter().map(|a| (a - centre) * (a - centre)));
         let scatter = (variance * n / (n - 1.0)).sqrt();
-        // Curvature and clipped tails bend the mean by some thousandths.
+        // Curvature and clipped tails bias the mean by some thousandths.
         let bound = 5.0 * scatter / n.sqrt() + 0.01;
         assert!((centre - 1.0).abs() < bound, "{centre}");
         self.snr * scatter

@@ -190,8 +190,8 @@ fn lens_folds_are_refused() {
         load_in(folder.path(), &text(GAUSSIAN, &keys))
     };
     assert!(weaker("0.33").is_ok() && weaker("0.34").is_err());
-    // The fold's image is at 2/3 of 1 / sqrt(3 k): just outside the corner, 127.8 px from the
-    // principal point, but within the reach of the PSF, 4.0 px; then clear of it.
+    // The fold's image is at 2/3 of 1 / sqrt(3 k). The corner is 127.8 px from the principal point:
+    // 130 px is within the reach of the PSF (4.0 px) around it, 136 px is not.
     let keys = |radius_px: f64| {
         let k = -(2.0f64 / 3.0 * 2000.0 / radius_px).powi(2) / 3.0;
         format!("[optics.projection]\nmodel = \"brown-conrady\"\nk = [{k:?}]")

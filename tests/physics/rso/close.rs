@@ -52,7 +52,7 @@ fn an_object_nearer_than_its_path_is_seen() {
         let found = population.in_field(&field, &corrections, Orbits::Tracked);
         assert!(found.notices.is_empty(), "{:?}", found.notices);
         let objects = found.objects;
-        // At its end.
+        // At the end of the exposure.
         let in_field = |line: Vector3<f64>| line.angle(&Vector3::x()) < angle;
         if seen {
             assert_eq!(objects.len(), 1, "{behind} m behind");

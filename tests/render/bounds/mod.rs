@@ -95,7 +95,7 @@ fn difference(a: &[f64], b: &[f64]) -> f64 {
 
 /// Errors below this are ignored, e-.
 const LARGE_E: f64 = 1e-3;
-/// At most this part of the larger errors is declared as more than ten times of the measured one.
+/// Maximum fraction of the larger errors declared as more than ten times the measured error.
 const MAX_FAR: f64 = 0.02;
 
 /// Number of larger errors, and of those declared within ten times of the measured one.

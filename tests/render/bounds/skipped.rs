@@ -110,7 +110,7 @@ fn bounds_of_moving_images_are_near() {
     // exposed up to 25 s early and late.
     let rolling = "timing.shutter = \"rolling\"; timing.row_us = 526_000.0";
     bound_is_near(&of_a_star("aberration drift", rolling, 0.0, true));
-    // All rows together: only the spread along the path remains, and its bend.
+    // Global shutter: only the spread along the path and the path's curvature remain.
     bound_is_near(&of_a_star("aberration drift", "", 0.0, true));
     // Streaks of 2 px; the last row is exposed 2.5 s late, in which they move by 0.05 px.
     let rolling = "timing.shutter = \"rolling\"; timing.row_us = 52_600.0";

@@ -29,8 +29,8 @@ fn image(source: &Source) -> (f64, [f64; 2]) {
 
 /// Labelled centroids match the noise-free image to 0.005 px, for any optics, shutter and rate,
 /// when all but a ten-thousandth of the light is on the detector. Exceptions: pixel sampling shifts
-/// cores narrower than half a pixel's sigma (below). Wide Moffat wings below a tenth of an electron
-/// are spread over too few pixels: a tenth of a pixel.
+/// cores with a sigma below half a pixel (next test). Wide Moffat images of less than 0.1 e- match
+/// to 0.1 px, because their wings are spread over too few pixels.
 #[test]
 fn labels_centroids_are_those_of_the_light() {
     let [faintest, worst] = [(); 2].map(|()| Worst::default());

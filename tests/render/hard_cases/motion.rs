@@ -211,7 +211,7 @@ fn mean_of_stills(
 /// Light is proportional to the exposure time, from 0 to hours, and nothing else depends on it.
 /// Labelled electrons over time agree to 1e-12. Pixels match the mean of frames at rest. Tracks run
 /// between the star's positions at rest when the shutter opens and closes; velocities are this path
-/// over time. In orbit, at rest and turning.
+/// over time. Cases: in orbit or not, at rest or turning.
 ///
 /// `reference`: pixels agree to 1e-6 (f32) and 1e-6 of the brightest (the rule's sum).
 /// `realtime`: to its tolerances, 1e-4 of a source's light (a quarter of it in the brightest

@@ -43,7 +43,7 @@ fn objects_from_a_metre_to_a_million_kilometres_have_the_magnitude_of_eq_9() {
             let exposed = exposed(Vector3::new(range_m, 0.0, 0.0), orbits);
             let object = &exposed.label.objects[0];
             let rso = object.rso.as_ref().unwrap();
-            // A message's micrometres, and a rounding of 7,000 km.
+            // Messages give micrometres, and positions of 7,000 km are rounded.
             assert!(
                 (rso.range_km * 1e3 - range_m).abs() < 2e-6 + 1e-15 * range_m,
                 "{range_m}: {}",

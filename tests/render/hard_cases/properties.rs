@@ -266,7 +266,7 @@ fn scaling_fluxes_alone_stays_within_the_tolerances() {
                     true => 0.0,
                     false => 2.0 * fidelity.wing_e + fidelity.loss_e + fidelity.track_e,
                 };
-                // In units of the fainter frame, in which one of the two leaves out less.
+                // In electrons of the fainter frame: the brighter one's errors count by the ratio.
                 let min = factor.min(1.0);
                 let most_e = leaves_e * positions.len() as f64 * (1.0 + factor.min(1.0 / factor));
                 for (a, b) in one.expected_e.iter().zip(&other.expected_e) {

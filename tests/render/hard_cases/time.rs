@@ -217,7 +217,7 @@ fn seconds_are_the_nearest_nanosecond() {
         (0.4e-9, 0),
         (-1.6e-9, -2),
         (0.1 + 0.2, 300_000_000),
-        // A last digit below 29, which hifitime truncates to 28.999999999.
+        // One unit in the last place below 29, which hifitime truncates to 28.999999999.
         (100.0 * 0.29, 29_000_000_000),
         (-100.0 * 0.29, -29_000_000_000),
         (1e9 + 0.25, 1_000_000_000_250_000_000),

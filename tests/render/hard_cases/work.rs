@@ -207,8 +207,8 @@ const SENSITIVE: &str = "timing.exposure_s = 1.0; \
     optics.stray = { pst = [[15.0, 1e-3], [30.0, 1e-7], [60.0, 1e-9], [105.0, 1e-12]], \
     sun_exclusion_deg = 60.0 }";
 
-/// At any stage of the work: the end of a run waits for it, and must come within 100 ms of a
-/// signal.
+/// A frame may be cancelled at any stage of its work. The end of a run waits for it, and must come
+/// within 100 ms of a signal.
 #[test]
 #[ignore = "timed: tests/run all runs it alone; cargo test -- --ignored timed_"]
 fn timed_a_cancelled_frame_ends_soon() {

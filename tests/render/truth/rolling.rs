@@ -6,8 +6,8 @@ use skyloop::label::{Label, ObjectLabel};
 
 use super::brute::{Image, arriving_e, changed_fai, pixel, share, simpson, turning};
 
-/// The light that the rows collect of one object of unit light per exposure: on the detector, and
-/// in all its sum and centre. Rows beyond the detector are exposed with the row at its edge.
+/// Light that the rows collect from an object of unit light: on the detector's pixels, and its sum
+/// and centre (px) over all rows. Rows beyond the detector are exposed with the row at its edge.
 fn collected(
     label: &Label,
     object: &ObjectLabel,

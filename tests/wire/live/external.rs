@@ -99,8 +99,8 @@ impl Pilot {
     }
 }
 
-/// Repeats a test until a run has no pause, because the checks of a steady clock need one. The
-/// tests of `serve/clock/paced.rs` cover them at simulated instants.
+/// Repeats a test until a run has no pause, because a pause invalidates the checks of a steady
+/// clock. The tests of `serve/clock/paced.rs` make these checks at simulated instants.
 fn undisturbed(test: impl Fn() -> Pilot) {
     let is_clean = |_| !test().had_pause;
     if !(0..10).any(is_clean) {

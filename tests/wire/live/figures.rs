@@ -75,7 +75,7 @@ fn metrics_of_an_idle_run_agree_with_its_status() {
         let reported: f64 = reported.sum();
         let sum = of(&format!("sum{{stage=\"{stage}\"}}"));
         match stage {
-            // Frames report the handover; metrics have the later departure.
+            // Frames report the handover to the link; metrics have the later time of sending.
             "last_octet" => assert!(sum >= reported - 1e-6, "{sum} {reported}"),
             _ => assert!(
                 (sum - reported).abs() < 1e-6 * all,

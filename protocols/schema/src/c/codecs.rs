@@ -102,7 +102,7 @@ fn functions(schema: &Schema, record: &Record) -> String {
     three(record, &(valid + &last), &read, &write)
 }
 
-/// Makes a reader fail.
+/// The statement that makes a reader fail on a condition.
 fn fail_if(condition: &str) -> String {
     when(condition, "skyloop_fail(reader, SKYLOOP_BAD_VALUE);\n")
 }
@@ -288,7 +288,7 @@ fn command(opcode: &Code) -> [String; 3] {
     [moved(range, "in"), moved(read, "out"), moved(write, "in")]
 }
 
-/// One case a message; `inside` gives its statements.
+/// One case per message; `inside` gives its statements.
 fn cases(messages: &[&Record], inside: fn(&str) -> String) -> String {
     each(messages, |message| {
         let label = format!("case SKYLOOP_APID_{}", upper(&message.name));

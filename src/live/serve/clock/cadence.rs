@@ -9,7 +9,7 @@ use skyloop_render::camera::{EXPOSURE_S, RATE_HZ};
 use std::sync::Mutex;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
-/// Maximum difference of the first attitude from this machine's time at which that time is used, s.
+/// This machine's time becomes the scene time if the first attitude differs by at most this, s.
 const SAME_CLOCK_S: f64 = 10.0;
 
 /// When each exposure ends, and its scene time.
@@ -18,15 +18,15 @@ pub(crate) struct Cadence {
     period: Duration,
     /// Time from the end of an exposure to the deadline of its frame; none: a period.
     latency: Option<Duration>,
-    /// End of the present exposure; none while the cadence rests.
+    /// End of the present exposure; none without one.
     next: Option<Instant>,
-    /// Whether the cadence rests after it.
+    /// Whether no exposure follows it until a rate is set, as after a single shot.
     rests: bool,
     /// End of the exposure that waits for its frame, and its scene time if a pause began since.
     ended: Option<(Instant, Option<Epoch>)>,
     /// End of the commanded single shot, until its frame is taken.
     single_shot: Option<Instant>,
-    /// A scene time and its instant.
+    /// A scene time, and the instant at which it is reached.
     zero: Option<(Epoch, Instant)>,
     /// Whether the scene time is stopped, so that no exposure ends.
     paused: bool,
@@ -58,8 +58,8 @@ impl Cadence {
         self.zero.is_none() || self.extrapolated
     }
 
-    /// Sets the scene time by a client's first attitude; the first exposure ends a period later. If
-    /// it is near this machine's time, that is used.
+    /// Sets the scene time by a client's first attitude, or by this machine's time if they differ
+    /// by at most [`SAME_CLOCK_S`]. The first exposure ends a period later.
     pub fn set(&mut self, attitude: Epoch, arrived: Instant) {
         if !self.awaits_time() {
             return;
@@ -122,7 +122,7 @@ impl Cadence {
         self.latency.unwrap_or(self.period)
     }
 
-    /// The latency at another rate.
+    /// The latency at a rate that may differ from the present one.
     pub fn latency_at(&self, rate_hz: f64) -> Duration {
         self.latency.unwrap_or_else(|| period(rate_hz))
     }
@@ -190,7 +190,7 @@ impl Cadence {
     }
 
     /// Sets the rate. The next exposure ends a period after the last one, or after `arrived` if
-    /// that is past or the cadence rests. A present single shot counts as the last exposure.
+    /// that is past or no exposure is in progress. A present single shot counts as the last one.
     pub fn set_rate(&mut self, rate_hz: f64, arrived: Instant) {
         self.advance(arrived);
         let before = std::mem::replace(&mut self.period, period(rate_hz));
@@ -225,7 +225,7 @@ impl Cadence {
         self.single_shot.is_some()
     }
 
-    /// Time until the next exposure ends; long while the cadence rests.
+    /// Time until the next exposure ends; long if none is in progress.
     pub fn until_due(&self, now: Instant) -> Duration {
         const RESTING: Duration = Duration::from_secs(3600);
         let due = self.ended.map(|(end, _)| end).or(self.next);

@@ -18,9 +18,9 @@ pub(crate) struct Due {
     pub mid: Epoch,
     /// Its end, or the arrival of the packet that requested it. Latencies start here.
     pub end: Instant,
-    /// When its frame is late; none: never.
+    /// Deadline of its frame; none: the frame is never late.
     pub deadline: Option<Instant>,
-    /// Number of the Trigger that requested it; 0 without.
+    /// Number of the Trigger that requested it; 0 if none did.
     pub trigger: u32,
     /// The attitude that requested it; none: the history is used.
     pub latched: Option<Latched>,

@@ -24,7 +24,7 @@ pub(super) struct Paced {
     /// Triggers that wait for the end of their exposures, sorted by it; none: frames follow the
     /// cadence.
     triggers: Option<Vec<TriggerRequest>>,
-    /// Scene time at which a pause stopped, or the latest time stamp since.
+    /// Scene time at the start of the last pause, or the latest time stamp since.
     paused_at: Option<Epoch>,
 }
 
@@ -47,7 +47,7 @@ impl Paced {
         }
     }
 
-    /// By the client's clock; `by_trigger`: triggers request frames.
+    /// Exposures in the client's time; `by_trigger`: triggers request frames.
     pub fn external(cadence: Cadence, by_trigger: bool, holdover: Duration) -> Paced {
         Paced {
             client: Some(ClientClock {
@@ -60,8 +60,8 @@ impl Paced {
         }
     }
 
-    /// After a pause any time is accepted. Before the paused time, waiting triggers would wait
-    /// until that time comes again.
+    /// Evaluates the first time stamp after a pause; any time is accepted. A time that is set back
+    /// counts as a clock step if triggers wait: they would wait until the old time comes again.
     fn first_after_pause(&mut self, time: Epoch) -> TimeCheck {
         let before = self.paused_at.filter(|paused| time < *paused);
         let is_set_back = before.is_some_and(|paused| is_set(time, paused));
@@ -213,7 +213,7 @@ impl ExposureClock for Paced {
 
     fn resume(&mut self, now: Instant) {
         self.cadence.resume(now);
-        // Their latency does not include the pause.
+        // The latency of waiting triggers does not include the pause.
         for request in self.triggers.iter_mut().flatten() {
             request.arrived = request.arrived.max(now);
         }

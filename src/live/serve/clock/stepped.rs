@@ -108,7 +108,7 @@ impl ExposureClock for Stepped {
 
     fn resume(&mut self, now: Instant) {
         self.paused = false;
-        // Their latency does not include the pause.
+        // The latency of waiting exposures does not include the pause.
         for due in &mut self.waiting {
             due.end = due.end.max(now);
         }

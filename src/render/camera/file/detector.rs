@@ -276,7 +276,7 @@ impl RawDetector {
     }
 }
 
-/// Their names in the file.
+/// The blooming modes, by name in the file.
 const BLOOMING: [(&str, Blooming); 2] = [("none", Blooming::None), ("column", Blooming::Column)];
 
 fn blooming_names() -> Vec<&'static str> {

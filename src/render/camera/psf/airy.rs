@@ -48,7 +48,7 @@ impl Airy {
             let part = |&(ratio, light): &(f64, f64)| light * mono.at(PI * r / ratio);
             colours.iter().map(part).sum()
         };
-        // Tabulated, because a fan needs a million values of the mean over the band.
+        // Tabulated, because [`Quadrant`] needs a million values of the mean over the band.
         let knee = (rings / 2.5).clamp(6.0, 16.0);
         let steps = (48.0 * knee) as usize;
         let profile = Profile::new(knee, 8 * steps, energy);

@@ -29,7 +29,7 @@ pub struct Images {
     images: Vec<Image>,
     /// See [`crate::camera::LocalPsf::core_px`].
     core_px: f64,
-    /// Half the side of the largest, px.
+    /// Half the side of the largest image, px.
     reach_px: f64,
     gradient: Gradient,
 }
@@ -43,7 +43,8 @@ pub struct Gradient {
     pub slope: f64,
     /// The greatest jump of that slope at the end of a cell, 1/px.
     pub kink: f64,
-    /// The peak relative to the brightest pixel of the image, where that is faintest (1).
+    /// The peak relative to the brightest pixel of the image, for the position of the source within
+    /// a pixel at which that pixel is faintest (1).
     pub over_brightest: f64,
 }
 

@@ -7,9 +7,9 @@
 //! Gaussian, 2 us from a table, some 10 us from four images; a table takes 20 to 200 ms when the
 //! camera is loaded.
 //!
-//! No profile is cut and scaled up. Light of wide wings outside the drawn pixels,
-//! [`LocalPsf::undrawn`], is spread evenly over these (see `footprint`). [`Fidelity::loss`] limits
-//! the loss of narrow profiles.
+//! No profile is truncated and renormalised. Light of wide wings outside the drawn pixels,
+//! [`LocalPsf::undrawn`], is spread evenly over the drawn pixels (see `footprint`).
+//! [`Fidelity::loss`] limits the loss of narrow profiles.
 
 mod airy;
 mod circular;
@@ -58,7 +58,8 @@ pub(crate) fn square(at: [f64; 2], reach_px: f64) -> [Range<i64>; 2] {
 pub struct Psf {
     shape: Shape,
     variation: Variation,
-    /// For a Gaussian that is the same everywhere and for all colours.
+    /// The shares of lines of pixels, for a Gaussian that is the same everywhere and for all
+    /// colours.
     lines: Option<Arc<(Lines<f32>, Lines<f64>)>>,
 }
 

@@ -11,15 +11,15 @@ use std::borrow::Cow;
 pub struct AreaLight {
     /// Its effect.
     pub effect: EffectId,
-    /// Why there is none.
+    /// Why it has no light, if so.
     pub dark: Option<Cow<'static, str>>,
-    /// On the pixels; none if too faint.
+    /// Its light on the pixels; none if too faint.
     pub(super) light: Option<Light>,
     /// The least and the most light of a pixel of each column of cells (`bounds::cells`), e-.
     pub(super) ends: Vec<[f32; 2]>,
     /// Electrons on all pixels.
     pub electrons: f64,
-    /// The most in a pixel, e-.
+    /// The most light in a pixel, e-.
     pub max_e: f64,
     /// Whether its total is lost in noise.
     pub is_thin: bool,
@@ -28,12 +28,12 @@ pub struct AreaLight {
 }
 
 impl AreaLight {
-    /// On the pixels; none if too faint.
+    /// Its light on the pixels; none if too faint.
     pub(crate) fn light(&self) -> Option<&Light> {
         self.light.as_ref()
     }
 
-    /// On each pixel, row by row, e-; empty if too faint.
+    /// Its light on each pixel, row by row, e-; empty if too faint.
     pub fn e(&self) -> &[f32] {
         self.light().map(Light::e).unwrap_or_default()
     }

@@ -79,8 +79,8 @@ impl<'a> Blur<'a> {
         lanes.iter().sum::<f32>().max(0.0)
     }
 
-    /// The spread in the patch from a column and a row on, row by row, mirrored: it is applied
-    /// where light arrives.
+    /// The kernel of the patch that begins at a column and a row, row by row. It is mirrored,
+    /// because it is applied where light arrives.
     ///
     /// A point's share S of each pixel contains the pixel's width, and so does the light that it is
     /// applied to. The kernel removes it to second order, `K = S - S'' / 24` along columns and

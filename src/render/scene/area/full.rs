@@ -111,7 +111,7 @@ impl Full {
             !view.limit.is_cancelled() && sky.e(at) >= enough_e
         });
         let lit: Vec<bool> = lit.collect();
-        // Number of corners that are not lit left of a column and above a row.
+        // Number of dark corners left of a column and above a row (summed-area table).
         let wide = across + 2;
         let mut dark = vec![0u32; wide * (down + 2)];
         for (row, lit) in lit.chunks_exact(across + 1).enumerate() {
@@ -121,7 +121,7 @@ impl Full {
                 dark[(row + 1) * wide + column + 1] = dark[row * wide + column + 1] + row_dark;
             }
         }
-        // A cell and those around it, by the counts at four corners.
+        // Whether no corner of a cell or of those around it is dark, by four sums.
         let is_full = |x: usize, y: usize| {
             let around =
                 |i: usize, all: usize| [i.saturating_sub(reach), (i + reach + 2).min(all + 1)];

@@ -21,7 +21,7 @@ pub(crate) struct Grid<'a, 'v> {
     pub radiance: &'a dyn Radiance,
     pub plane: &'a Plane<'v>,
     fidelity: &'a Fidelity,
-    /// Electrons a steradian of a pixel.
+    /// Electrons of a pixel per steradian at a radiance of 1.
     pub scale_e: f64,
     /// Where this and other area light together fill pixels.
     pub full: &'a Full,
@@ -74,8 +74,8 @@ impl<'a, 'v> Grid<'a, 'v> {
     }
 
     /// The light of the pixel around a position, e-: the mean over its time, or the value in the
-    /// middle if the pattern hardly moves. None if the plane has no direction, or the work limit is
-    /// over.
+    /// middle if the pattern hardly moves. None if the position has no direction, or the work limit
+    /// is over.
     pub fn at(&self, x: f64, y: f64, work: &mut RasterWork) -> Option<f64> {
         if self.plane.limit().is_over() {
             return None;

@@ -40,7 +40,7 @@ impl Horizon {
         })
     }
 
-    /// Whether the field sees nothing but the Earth.
+    /// Whether the Earth fills the field.
     pub(crate) fn fills(&self) -> bool {
         self.reach[1] < 0.0
     }

@@ -19,7 +19,7 @@ pub struct Kind {
     pub effect: EffectId,
     /// Finds its light.
     pub radiance: fn(&World, &View, &Surroundings) -> Found,
-    /// Why no pixel is lit, if none is though light was found.
+    /// The reason to give if light was found, but lights no pixel.
     pub unlit: &'static str,
 }
 
@@ -55,7 +55,7 @@ pub(crate) fn areas(
     areas.collect()
 }
 
-/// The light of the brightest of some pixels over the whole field, e-.
+/// The light of the brightest of a few sample pixels over the field, e-.
 fn brightest_e(radiance: &dyn Radiance, plane: &Plane<'_>) -> f64 {
     let [columns, rows] = plane.detector().sides();
     let (scale_e, sky) = (plane.scale_e(radiance), plane.to_sky(0.0));

@@ -16,7 +16,7 @@ pub(crate) struct Known {
     before: usize,
     /// Nodes a row.
     across: usize,
-    /// Light (e-) row by row; none where the plane has no direction.
+    /// Light (e-) row by row; none where the position has no direction.
     e: Vec<Option<f64>>,
     /// The work of the evaluations.
     pub work: RasterWork,

@@ -82,7 +82,7 @@ impl Light {
         })
     }
 
-    /// On each pixel, row by row, e-.
+    /// The light on each pixel, row by row, e-.
     pub(crate) fn e(&self) -> &[f32] {
         self.footprint().shares()
     }

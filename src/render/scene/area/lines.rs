@@ -56,7 +56,7 @@ impl Square {
             let (from, to) = (self.nodes[3 * above + i], self.nodes[3 * above + i + 3]);
             from + (to - from) * down
         };
-        // An array's `map` would be a call each.
+        // An array's `map` would compile to a function call.
         [at(0), at(1), at(2)]
     }
 
@@ -204,7 +204,7 @@ impl Lines {
                     let parts: Vec<&[Square]> = parts.collect();
                     add_up([x, y * first.side], first.side, &parts, strip);
                 }
-                // Quarters outside the detector.
+                // Removes quarters outside the detector.
                 strip.retain(|square| square.x < first.width && square.y < first.height);
             });
         Some(sum)

@@ -28,8 +28,8 @@ pub(crate) fn panels(radiance: &dyn Radiance, moved_px: f64) -> usize {
 }
 
 /// The mean of `value` from 0 to 1 by Simpson's rule on `panels` equal panels, and the number of
-/// evaluations. A panel is halved until its middle is off the line between its ends by no more
-/// than `bent` of its value.
+/// evaluations. A panel is halved until its middle `b` is off the line between its ends by at most
+/// `bent(b)`.
 pub(crate) fn mean(
     value: impl Fn(f64) -> f64,
     panels: usize,

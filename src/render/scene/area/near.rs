@@ -82,7 +82,7 @@ impl<'a> Near<'a> {
             let kernel = kernel.as_deref();
             let is = kernel.map_or(e[pixel], |kernel| self.blur.spread(&e, pixel, wide, kernel));
             let is_on = self.on[row] >> column & 1 == 1;
-            // Blocks have no interpolation.
+            // Sampled blocks are not interpolated.
             is - if is_on { 0.0 } else { e[pixel] }
         };
         let mut runs = Vec::new();

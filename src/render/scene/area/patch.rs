@@ -25,7 +25,7 @@ pub(crate) struct Patch {
 }
 
 impl Patch {
-    /// The patch of `size` px around a position (px); none where the plane has no direction.
+    /// The patch of `size` px around a position (px); none where the position has no direction.
     pub(crate) fn new(plane: &Plane<'_>, [x, y]: [f64; 2], size: f64) -> Option<Patch> {
         let middle = plane.taken([x, y])?;
         let places = [[-1.0, -1.0], [1.0, -1.0], [-1.0, 1.0], [1.0, 1.0]]
@@ -42,7 +42,7 @@ impl Patch {
         })
     }
 
-    /// Whether no edge crosses it that moves by `motion` rad around its position at an attitude.
+    /// Whether the edge, moving by `motion` rad around its position at attitude `sky`, misses it.
     pub(crate) fn is_clear(
         &self,
         edge: Option<&dyn Edge>,

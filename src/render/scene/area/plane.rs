@@ -49,8 +49,8 @@ impl<'a> Plane<'a> {
             .direction([0, 1].map(|k| (at[k] - optics.principal_px[k]) / optics.focal_px))
     }
 
-    /// The direction of a position (unit vector, camera axes), and the light (sr) on its pixel from
-    /// a sky of radiance 1.
+    /// The direction of a position (unit vector, camera axes), and the solid angle of its pixel
+    /// times the transmission, sr.
     ///
     /// Clark et al. 2021, Eq. (4), `E = L IFOV^2`, holds on the boresight of a pinhole. In general
     /// the pixel has its own solid angle ([`Projection::solid_angle`]), and vignetting applies as
@@ -71,8 +71,8 @@ impl<'a> Plane<'a> {
         Some((seen, solid_angle * passes))
     }
 
-    /// Time of [`Plane::taken`], ns. It inverts the projection, except a pinhole's by Newton's
-    /// method.
+    /// Time of [`Plane::taken`], ns. It inverts the projection: by Newton's method, except for a
+    /// pinhole.
     pub fn place_ns(&self) -> f64 {
         match self.projection.model() {
             Model::Pinhole => 50.0,

@@ -67,11 +67,11 @@ pub trait Edge {
 pub struct Area {
     /// Its effect.
     pub effect: EffectId,
-    /// Why no pixel is lit, if none is though `radiance` was found.
+    /// The reason to give if `radiance` was found, but lights no pixel.
     pub unlit: &'static str,
     /// Its light, or why there is none.
     pub radiance: Found,
-    /// Twice the light of the brightest of some pixels over the whole field, e-.
+    /// Twice the light of the brightest of a few sample pixels over the field, e-.
     pub peak_e: f64,
 }
 

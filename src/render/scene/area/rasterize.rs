@@ -30,8 +30,8 @@ const MIDDLE: f64 = 4.0;
 /// square was at most `MAX_PARENT_ERROR` tolerances.
 const QUARTERED: f64 = 4.0;
 const MAX_PARENT_ERROR: f64 = 1.5 * QUARTERED;
-/// Further positions of a square (0..1) at which the interpolation is checked, and its tolerance at
-/// kinks, in tolerances.
+/// Further positions of a square (0..1) at which the interpolation is checked; and the error that
+/// is permitted there because of kinks, in tolerances.
 const BETWEEN: [[f64; 2]; 2] = [[0.31, 0.69], [0.69, 0.31]];
 const KINK: f64 = 2.0;
 
@@ -96,8 +96,8 @@ pub(crate) fn rasterize(
     (Light::new(lines, Runs::new(grid.detector, runs)), work)
 }
 
-/// Side of the grid's largest squares, px: at most the detail of the light, and a quarter of the
-/// detector, because optics bend it over the field.
+/// Side of the squares that are evaluated first, px: at most the detail of the light, and a quarter
+/// of the detector, because the optics vary the light over the field.
 fn largest(radiance: &dyn Radiance, plane: &Plane<'_>, [columns, rows]: [usize; 2]) -> usize {
     let detail_px = radiance.detail() * plane.scale_px();
     let max_px = detail_px.min(columns.min(rows) as f64 / 4.0);
@@ -228,8 +228,8 @@ impl Refinement<'_, '_, '_> {
             side,
             nodes: nodes.map(|node| node.unwrap_or(0.0) as f32),
         };
-        // Beyond the projection's end there is no light; the end is an edge. The excess of a full
-        // pixel is invisible.
+        // Beyond the domain of the projection there is no light; its boundary is an edge. The
+        // excess of a full pixel is invisible.
         if nodes.iter().all(Option::is_none) || grid.full.has([x, y], side) {
             self.pieces.even.push(square);
             return;

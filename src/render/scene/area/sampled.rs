@@ -196,7 +196,7 @@ impl Sampler<'_, '_, '_> {
                 if counts[side] > 0.0 {
                     sum += part * sides[side] / counts[side];
                 } else if part > 0.0 {
-                    // The corner without a node.
+                    // This side of the edge has no node: its corner represents it.
                     let corner = self.grid.plane.taken(patch.corner(&crossing, side));
                     sum += corner.map_or(0.0, |(seen, taken)| {
                         part * self.grid.light(&(sky * seen), taken)

@@ -20,7 +20,7 @@ pub struct TotalAreaLight {
 }
 
 impl TotalAreaLight {
-    /// The sum of `areas`; images have so many `pixels`.
+    /// The sum of `areas`; images cover so many `pixels`.
     pub(crate) fn of(areas: &[AreaLight], view: &View, pixels: usize) -> TotalAreaLight {
         let Detector { width, height, .. } = view.camera.detector;
         let lights: Vec<&Light> = areas.iter().filter_map(AreaLight::light).collect();

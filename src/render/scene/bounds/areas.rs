@@ -16,7 +16,7 @@ use nalgebra::Vector3;
 use rayon::prelude::*;
 use skyloop_orbit::sgp4_batch::Level;
 
-/// Factor of the slope between pixels over that from pixel to pixel.
+/// Steepest slope of the light over its steepest step from pixel to pixel.
 const STEEPER: f64 = 1.5;
 /// Samples of solid angles along a side of the detector, and the margin for positions between them.
 const SAMPLES: usize = 7;
@@ -36,8 +36,8 @@ pub(crate) fn areas_with(scene: &Scene, other: &EffectSet) -> TotalAreaLight {
     TotalAreaLight::of(&areas, view, view.camera.detector.pixels())
 }
 
-/// The greatest error of approximated light in full pixels, compared with the effects `other`,
-/// which have no full wells, e-.
+/// The greatest error of light that is not evaluated in full pixels, compared with the effects
+/// `other`, which have no full wells, e-.
 pub fn straightened_e(scene: &Scene, other: &EffectSet) -> f64 {
     let others = areas_with(scene, other);
     if scene.is_cancelled() {
@@ -100,9 +100,9 @@ pub fn areas_taken_e(view: &View, a: &EffectSet, b: &EffectSet) -> f64 {
     BETWEEN * peak_e * parts.fold(0.0, f64::max)
 }
 
-/// Bound of the final change of any pixel by area light with the effects `other`, e-. If they leave
-/// out one of the scene's effects, the light is rasterized again and compared; else it moves by at
-/// most `px`.
+/// Bound of the final change of any pixel by area light with the effects `other`, e-. If `other`
+/// only leaves out effects of the scene, the light is rasterized again and compared; else the bound
+/// is that of a motion by `px`.
 pub fn areas_changed_e(scene: &Scene, other: &EffectSet, px: f64) -> f64 {
     let areas = &scene.areas_light;
     if areas.light().is_none() {

@@ -202,7 +202,7 @@ pub(crate) fn cells(
         }
         return;
     }
-    // Open rows of cells, each with its first and last column. Earlier rows are complete.
+    // Unfinished rows of cells, each with its first and last column. Earlier rows are complete.
     let (mut open, mut top) = (VecDeque::<(usize, usize)>::new(), None);
     let mut close = |row: usize, (from, to): (usize, usize)| {
         (row * columns + from..=row * columns + to).for_each(&mut each);

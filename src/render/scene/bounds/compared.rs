@@ -70,7 +70,7 @@ pub(crate) struct Peak {
     pub row: usize,
     /// The greatest bound in any cell of the column, and its row.
     pub max_bound: (f64, usize),
-    /// Bounds of the change of a column of pixels: known changes, and other sources.
+    /// Bounds of the change of a column of pixels: by known changes, and by other sources.
     pub all: [f64; 2],
 }
 
@@ -90,7 +90,7 @@ pub(crate) fn compare<'a>(
     let skipped = now.and_shapes(other) != *now;
     let mut fidelity = scene.fidelity;
     if skipped {
-        // Short tracks count as tracks.
+        // Short tracks are sampled too, not replaced by still images.
         fidelity.skip_px = 0.0;
     }
     let lights = changes(scene, faint, change).into_iter();

@@ -26,7 +26,7 @@ use std::f64::consts::TAU;
 
 /// The steepest slope of the image of a point at rest, in heights per core width.
 pub const STEEPEST: f64 = 0.61;
-/// The same of a streak, in any direction at once.
+/// The same of a streak, along and across it combined.
 pub const STEEPEST_STREAK: f64 = 0.86;
 
 /// Number of bright sources. A source is faint if its whole light is below this fraction of their
@@ -49,7 +49,7 @@ pub struct Image<'a> {
     /// Whether its centroid is off the detector, and how far the whole path stays from it, px.
     is_outside: bool,
     outside_px: f64,
-    /// Its share of a pixel that it is centred on.
+    /// Its share on a pixel, if it is centred on that pixel.
     middle: f64,
     /// Its drawing radius, px.
     drawn_px: f64,
@@ -70,8 +70,8 @@ impl Image<'_> {
         };
         let mut height_e = source.electrons * greatest_share(source) * over;
         if self.is_outside {
-            // Only its flank may be on the detector. A streak of constant speed has the height
-            // sqrt(2 pi) s / length; 25 % margin.
+            // Only its flank may be on the detector. A streak of constant speed is sqrt(2 pi) s /
+            // length times as high as the still image; 25 % margin.
             let streak = 1.25 * 2.507 * self.core_px / self.length_px.max(f64::MIN_POSITIVE);
             height_e = height_e.max(self.still_e * streak);
         }
@@ -127,7 +127,7 @@ impl Image<'_> {
         }
         let mut stamp = Stamp::default();
         let mut at = |px: f64| self.psf.on_pixel([px, 0.0], &mut stamp);
-        // Further out there may be a ring.
+        // A diffraction ring may lie further out.
         let rings = [0.0, 0.5, 1.0, 2.0].map(|further| at(from_px + further));
         let max = rings.into_iter().fold(0.0, f64::max);
         e * (max / at(0.0)).min(1.0)
@@ -150,7 +150,7 @@ impl Image<'_> {
             return even_e;
         }
         let mut stamp = Stamp::default();
-        // There may be a ring.
+        // A diffraction ring may lie at the edge.
         let edges = [0.0, 0.5, 1.0];
         let edges =
             edges.map(|inside| self.psf.on_pixel([self.drawn_px - inside, 0.0], &mut stamp));
@@ -158,8 +158,8 @@ impl Image<'_> {
         self.source.arriving_e * (edge + self.even)
     }
 
-    /// Distance of the centroid from the middle of its ends, px. It exceeds the distance from the
-    /// position at mid-exposure, for constant acceleration.
+    /// Distance of the centroid from the middle of its ends, px. For constant acceleration it
+    /// exceeds the centroid's distance from the position at mid-exposure.
     pub(crate) fn bend_px(&self) -> f64 {
         let Source {
             start,
@@ -181,9 +181,9 @@ pub struct BoundChange {
     pub reach_px: f64,
 }
 
-/// The bound of each lit image's change: of any pixel, e-, and the number of pixels around the
-/// image. `change` computes it. A source whose whole light is faint compared with the greatest
-/// changes is bounded by that light, up to the number of pixels from `faint` (none: not allowed).
+/// For each lit image, by `change`: the bound of the change of any pixel, e-, and how far from the
+/// image it reaches, px. A source whose whole light is faint compared with the greatest changes is
+/// bounded by that light, as far as `faint` states, px (none: not allowed).
 pub(crate) fn changes(
     scene: &Scene,
     faint: impl Fn(&Source) -> Option<f64> + Sync,
@@ -200,7 +200,7 @@ pub(crate) fn changes(
         None => (1.0 / (TAU * core_px * core_px)).min(1.0),
         Some(_) => 1.0,
     };
-    // The light distributed evenly over the drawn pixels, nine at least, is faint on each.
+    // Bound of the evenly distributed light on a pixel: at least nine pixels share it.
     let even_e = 8.0 * scene.fidelity.wing_e;
     let all_e = |source: &Source| {
         let e = source.arriving_e.max(source.electrons);
@@ -221,7 +221,7 @@ pub(crate) fn changes(
     let bright = bright.iter().take_while(|_| !scene.is_cancelled());
     let bright = bright.map(|(source, _)| bound(&mut stamp, source));
     let mut changes: Vec<(&Source, f64, usize)> = bright.collect();
-    // Discs do not count: their own changes are in full pixels.
+    // Discs do not count: the pixels that they change are full.
     let points = changes
         .iter()
         .filter(|(source, ..)| source.body.points() == 1);
@@ -249,7 +249,7 @@ fn image_of<'a>(scene: &'a Scene, source: &'a Source, stamp: &mut Stamp) -> Imag
         None => psf.on_pixel([0.0; 2], stamp),
     };
     let length_px = source.length_px();
-    // Within a pixel no width changes by a twentieth.
+    // Over a whole pixel no width changes by a twentieth.
     let sharper = if length_px < 0.01 {
         1.001
     } else {
@@ -328,12 +328,12 @@ pub fn dimming_px(scene: &Scene) -> f64 {
             slopes.fold(0.0, f64::max) / min.max(f64::MIN_POSITIVE)
         }
     };
-    // With distortion the angle of a pixel may exceed that of the focal length.
+    // With distortion a pixel may be wider than 1 / focal length (rad).
     2.0 * by_angle / camera.optics.focal_px
 }
 
-/// Least distance of the line from a source's start through its centroid to its end from the
-/// detector, px.
+/// Least distance between the detector and the line from a source's start through its centroid to
+/// its end, px.
 fn outside_px(source: &Source, length_px: f64, detector: &Detector) -> f64 {
     const PARTS: usize = 16;
     let sides = [detector.width, detector.height].map(|pixels| pixels as f64 - 0.5);

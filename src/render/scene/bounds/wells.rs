@@ -166,7 +166,7 @@ pub fn of_cells(columns: &[f64]) -> Vec<f64> {
         .collect()
 }
 
-/// The greatest difference of two values.
+/// The greatest absolute difference of corresponding values.
 pub fn max_difference(a: &[f64], b: &[f64]) -> f64 {
     let differences = a.iter().zip(b).map(|(a, b)| (a - b).abs());
     differences.fold(0.0, f64::max)

@@ -6,9 +6,9 @@
 //! 1999 (J. Atmos. Oceanic Technol. 16, 1854) and the phase function of Bucholtz 1995 (Appl. Opt.
 //! 34, 2765).
 //!
-//! The sphere has the Earth's equatorial radius: lines and altitudes are those of stretched space
-//! (see [`Earth`]), which err by 0.3 % of the altitude. Refraction, which bends a grazing line by
-//! up to a degree below 10 km, is omitted.
+//! The Earth is a sphere of its equatorial radius: lines and altitudes are those of stretched space
+//! (see [`Earth`]); altitudes err by up to 0.3 %. Refraction, which bends a grazing line by up to a
+//! degree below 10 km, is omitted.
 //!
 //! [`Earth`]: crate::sky::shadow::Earth
 
@@ -18,8 +18,8 @@ use std::f64::consts::PI;
 /// Upper limit of air and airglow, m.
 pub const TOP_M: f64 = 700e3;
 
-/// Molecules per cubic metre, each 5 km from the ground to 120 km, then each 20 km to 700 km (PyPI
-/// ussa1976 0.3.4).
+/// Molecules per cubic metre, every 5 km from the ground to 120 km, then every 20 km to 700 km
+/// (PyPI ussa1976 0.3.4).
 const LOW_STEP_M: f64 = 5e3;
 const LOW: [f64; 25] = [
     2.547e25, 1.531e25, 8.598e24, 4.049e24, 1.849e24, 8.334e23, 3.828e23, 1.760e23, 8.308e22,
@@ -87,7 +87,7 @@ impl Air {
 
     /// Molecules per square metre from a point at `altitude_m` to space, along a line whose cosine
     /// to the vertical is `cos`: Chapman's function. A descending line passes its lowest point; if
-    /// that is below the ground, the line grazes the ground.
+    /// that is below the ground, a line that grazes the ground replaces it.
     pub fn column(&self, altitude_m: f64, cos: f64) -> f64 {
         self.column_from(EARTH_RADIUS_M + altitude_m, self.at(altitude_m), cos)
     }
@@ -106,8 +106,8 @@ impl Air {
 }
 
 impl Profile {
-    /// The profile of `densities` and the column above its lower end, with `beyond` (1/m^2) above
-    /// its upper end.
+    /// The profile of `densities`, and the column (1/m^2) above its lower end; `beyond` is the
+    /// column above its upper end.
     fn new(from_m: f64, step_m: f64, densities: &[f64], beyond: f64) -> (Profile, f64) {
         let mut column = beyond;
         let mut nodes = Vec::with_capacity(densities.len());

@@ -1,14 +1,14 @@
 //! Tables of exponential sums over columns of air.
 
-/// `sum w exp(-s N)` of a column `N` (1/m^2) as a table: linear pieces, equally many per octave,
-/// with an error of 3e-5 of it at an optical depth of 1.
+/// A table of `sum w exp(-s N)` over the column `N` (1/m^2): linear between entries, equally many
+/// per octave, with a relative error of 3e-5 at an optical depth of 1.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Curve {
     values: Vec<f64>,
 }
 
 /// The octaves of the table, 2^79 to 2^107 (6e23 to 1.6e32 1/m^2: from no optical depth to more
-/// than any line has), and the number of pieces per octave, as a power of two.
+/// than any line has), and the binary logarithm of the number of pieces per octave.
 const OCTAVES: [u64; 2] = [79, 107];
 const LINES_BITS: u32 = 6;
 /// Bits of a double's fraction, and the bias of its exponent.

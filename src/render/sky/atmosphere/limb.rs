@@ -1,8 +1,8 @@
 //! The atmosphere's light for one frame, in tables by direction.
 //!
 //! Terms that depend on the line alone (its air, its airglow) are in one-dimensional tables of
-//! logarithms. The Sun's factors are in rows by the Sun's height over the line's position, for a
-//! few lines only, since they change slowly from line to line.
+//! logarithms. The factors of sunlight are in rows by the Sun's elevation at the line's reference
+//! point, for a few lines only, since they change slowly from line to line.
 
 use super::air::{Density, TOP_M, phase_function};
 use super::model::Atmosphere;
@@ -37,11 +37,11 @@ pub struct Limb {
     to_sun: Vector3<f64>,
     zenith: Vector3<f64>,
     sun: Vector3<f64>,
-    /// The cosine of the angle between these two.
+    /// The cosine of the angle between `zenith` and `sun`.
     along: f64,
     /// The observer's distance from the centre of stretched space, m.
     radius: f64,
-    /// The Sun's light relative to 1 au, per steradian (1/sr).
+    /// The Sun's irradiance relative to that at 1 au, over 4 pi (1/sr).
     nearness: f64,
     /// Scale of the table of lines past the Earth: relative altitude up to which entries are nearly
     /// equidistant, and the logarithm at the greatest altitude.
@@ -77,8 +77,8 @@ impl Limb {
     /// ([`Bodies::sun_apparent_m`](crate::sky::bodies::Bodies::sun_apparent_m)); both GCRF, m. None
     /// for an observer inside the Earth.
     ///
-    /// A direction takes 0.1 us; the first of a kind and height some 10 us more, for tables: 2 ms
-    /// for all. Make one per frame.
+    /// A direction takes 0.1 us, and some 10 us more if it needs new table entries: 2 ms for all.
+    /// Make one per frame.
     pub fn new(
         atmosphere: &Arc<Atmosphere>,
         observer_m: Vector3<f64>,
@@ -124,7 +124,7 @@ impl Limb {
     }
 
     /// Radiance along `direction` (GCRF axes, any length) in the band, ph/s/m^2/sr. For a line to
-    /// the ground, the light of the air before it.
+    /// the ground, the light of the air in front of it.
     pub fn radiance(&self, direction: &Vector3<f64>) -> f64 {
         let [scattered, airglow] = self.parts(direction);
         scattered + airglow
@@ -174,9 +174,9 @@ impl Limb {
     /// The whole optical depth toward the observer counts, since light scattered into the line is
     /// in [`Limb::radiance`]. Of the depth toward the Sun half counts: half of the scattered light
     /// continues to the ground (a symmetric phase function, two streams; Coakley & Chylek 1975, J.
-    /// Atmos. Sci. 32, 409). Seen from straight above, both together keep the albedo of the disc
-    /// with its air, within 5 % from 400 nm on while the Sun is more than 20 deg high. At a slant,
-    /// with the Sun low behind, air adds up to 18 %.
+    /// Atmos. Sci. 32, 409). Seen from straight above, the disc with its air has the albedo of the
+    /// disc within 5 %, from 400 nm on while the Sun is more than 20 deg high. On slant lines, with
+    /// a low Sun behind the observer, it is up to 18 % brighter.
     pub fn ground_share(&self, direction: &Vector3<f64>) -> f64 {
         let stretched = self.earth.to_sphere(*direction).normalize();
         let (cos, sin) = self.angles(&stretched);
@@ -311,11 +311,11 @@ impl Limb {
         }
     }
 
-    /// A line, and its row for all heights of the Sun.
+    /// A line, and its row for all elevations of the Sun.
     fn sunlit(&self, kind: usize, at: f64) -> SunlitLine {
         let line = Limb::sight(kind, at).line(self.radius);
-        // The position lies at p toward the lowest point's zenith and at s along the line; that
-        // zenith is sin(zenith) - cos(horizontal).
+        // The reference point is at p along the zenith of the lowest point and at s along the line.
+        // That zenith is sin(zenith) - cos(horizontal).
         let position = line.position();
         let far = (line.p * line.p + position * position).sqrt();
         let weights = [
@@ -337,8 +337,8 @@ impl Limb {
         [cos, ((1.0 - cos) * (1.0 + cos)).max(0.0).sqrt()]
     }
 
-    /// The fractions of the undimmed light from direct sunlight and from the day side, for the sine
-    /// of the Sun's height over the line's position.
+    /// Light from direct sunlight and from the day side, relative to the undimmed light, for the
+    /// sine `height` of the Sun's elevation at the line's reference point.
     fn sun_along(&self, sunlit: &SunlitLine, height: f64) -> [f64; 2] {
         let SunlitLine {
             row,
@@ -390,9 +390,9 @@ struct Segment {
 /// Altitude (m) up to which entries of lines past the Earth are nearly equidistant.
 const NEAR_M: f64 = 60e3;
 
-/// The visible part of the Sun's disc, past the Earth, from a point at `radius` (m) with the sine
-/// of the Sun's height `height`. It rises from 0 to 1 while the disc, of radius SUN_RADIUS_M /
-/// AU_M, clears the horizon.
+/// The fraction of the Sun's disc that the Earth does not hide from a point at `radius` (m);
+/// `height` is the sine of the Sun's elevation. It rises from 0 to 1 while the disc, of radius
+/// SUN_RADIUS_M / AU_M (rad), clears the horizon.
 fn visible_sun(radius: f64, height: f64) -> f64 {
     if height >= 0.0 {
         return 1.0;

@@ -2,11 +2,11 @@
 //!
 //! [`air`] has density, columns and scattering, [`airglow`] the emitting layers. [`Atmosphere`] has
 //! both in one band, made once per camera. [`Limb`] is its light for one frame, in every direction:
-//! above the limb, and before the ground.
+//! above the limb, and in front of the ground.
 //!
 //! Sunlight is scattered once between the Sun and the line of sight, and dimmed on both paths. Of
-//! multiple scattering, the part from below counts as light of the day side, of which each point of
-//! the line receives a share:
+//! multiple scattering only the light from below is included: each point of the line is also lit by
+//! the day side, a Lambert surface.
 //!
 //! ```text
 //! L = 1/(4 pi) sum over wavelengths of E s  integral n [direct + from below] dl
@@ -17,8 +17,8 @@
 //! with the Sun's photon irradiance `E`, the cross-section `s`, the density `n`, the phase function
 //! `P` of the scattering angle `t`, the columns `N_v` to the observer and `N_s` to the Sun, the
 //! visible part `V` of the Sun's disc, the albedo `A`, the cosine `c` of the Sun's zenith distance
-//! and the radius `r` (Chandrasekhar 1960, Radiative Transfer, for single scattering). Twilight
-//! remains when the Earth's shadow rises through the air.
+//! and the radius `r` (Chandrasekhar 1960, Radiative Transfer, for single scattering). In twilight
+//! only the air above the Earth's shadow is sunlit.
 //!
 //! Valid for clear air from 350 to 1100 nm: by day 3 to 25 % below a full calculation from 10 to 80
 //! km of tangent altitude (tests/physics/limb.rs). Omitted: clouds and dust (some tens of per cent

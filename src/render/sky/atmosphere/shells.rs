@@ -6,7 +6,8 @@ use super::curve::Curve;
 use super::sight::{Line, Sight, half_chord};
 use crate::sky::shadow::EARTH_RADIUS_M;
 
-/// Shells of airglow, m: thin ones around the layers of the mesopause, thick ones above.
+/// Sets of airglow shells: lowest altitude (m), thickness (m) and number; thin around the layers of
+/// the mesopause, thick above.
 const SHELLS: [(f64, f64, usize); 3] = [(60e3, 1e3, 15), (75e3, 0.25e3, 160), (115e3, 13e3, 45)];
 
 /// The airglow in shells.
@@ -31,8 +32,8 @@ impl Shells {
         }
     }
 
-    /// Airglow along a line from an observer at `radius` (m), ph/s/m^2/sr: before and behind the
-    /// lowest point. Light from behind is dimmed by all air of the path.
+    /// Airglow along a line from an observer at `radius` (m), ph/s/m^2/sr, from both sides of the
+    /// lowest point. Light from the far side is dimmed by all air of the line.
     pub fn along(&self, line: &Line, radius: f64, air: &Air, passed: &Curve) -> f64 {
         let before = || self.between(line.p, [0.0, radius]);
         match line.sight {

@@ -1,8 +1,8 @@
 //! Lines of sight through the atmosphere, in the plane of the observer's zenith and the line.
 //!
 //! Stretched space has a spherical Earth (see [`Earth`](crate::sky::shadow::Earth)). A line has the
-//! distance `p` from the centre; a point at `s` from its nearest point has the radius
-//! `r^2 = p^2 + s^2`.
+//! distance `p` from the centre; a point at the distance `s` along it from its point nearest to the
+//! centre has the radius `r^2 = p^2 + s^2`.
 
 use super::air::TOP_M;
 use crate::sky::shadow::EARTH_RADIUS_M;
@@ -43,11 +43,11 @@ pub struct Step {
     pub altitude: f64,
 }
 
-/// Exponent of the spacing of a line's points between dense and thin air.
+/// A line's widest spacing of points is about `exp(CROWDING)` times its narrowest.
 const CROWDING: f64 = 4.5;
 
 impl Sight {
-    /// For a line from an observer at `radius` (m), at cosine `cos` of its zenith distance.
+    /// For a line from an observer at `radius` (m), by cosine and sine of its zenith distance.
     pub(crate) fn of(radius: f64, cos: f64, sin: f64) -> Sight {
         let p = radius * sin;
         if cos < 0.0 && p < EARTH_RADIUS_M {
@@ -97,7 +97,8 @@ impl Sight {
 }
 
 impl Line {
-    /// The reference point of the line: on the ground, the lowest, or at the end of the atmosphere.
+    /// `s` (m) of the line's reference point: on the ground, the lowest point, or the far end of
+    /// the atmosphere.
     pub fn position(&self) -> f64 {
         match self.sight {
             Sight::Past(_) => 0.0,
@@ -105,15 +106,15 @@ impl Line {
         }
     }
 
-    /// The line in at most `count` parts, the observer's first. They are shortest in the densest
-    /// air, at the lowest point.
+    /// The line in `count` parts, from the observer on. They are shortest in the densest air, at
+    /// the lowest point.
     pub fn steps(&self, count: usize) -> impl Iterator<Item = Step> + '_ {
         let reach = self.from.abs().max(self.to.abs()).max(1.0);
         let span = self.to - self.from;
         let whole = libm::exp(CROWDING);
         let (spread, sinh) = (whole - 1.0, (whole - 1.0 / whole) / 2.0);
-        // Spacing: sinh(w) to both sides of a lowest point; exp(w) - 1 to one side from the ground
-        // or the observer. `e` is exp(w).
+        // For equal steps of w, points lie at sinh(w) on both sides of a lowest point, else at
+        // exp(w) - 1 from the ground or the observer. `e` is exp(w).
         let at = move |e: f64| match self.sight {
             Sight::Past(_) => reach * ((e - 1.0 / e) / 2.0) / sinh,
             Sight::Up(_) => self.from + span * (e - 1.0) / spread,

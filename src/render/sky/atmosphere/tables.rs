@@ -1,10 +1,10 @@
-//! Tables of light by line of sight, and by the Sun's height.
+//! Tables of light by line of sight, and by the Sun's elevation.
 
 use std::sync::OnceLock;
 
 /// Nodes of a row.
 const NODES: usize = 17;
-/// The sine of the Sun's height within which a row has most of its nodes: twilight.
+/// Most nodes of a row lie between plus and minus this sine of the Sun's elevation: twilight.
 const TWILIGHT: f64 = 0.15;
 
 /// Minimum entry of a table, ph/s/m^2/sr: far below any camera's sensitivity.
@@ -25,18 +25,18 @@ pub(crate) struct Table {
     logs: Cubics<1>,
 }
 
-/// The Sun's factors by its height over one line's position.
+/// The factors of sunlight for one line, by the Sun's elevation at the line's reference point.
 #[derive(Debug, Clone)]
 pub struct Row {
-    /// Weights of the Sun's cosines to the observer's zenith and to the line's horizontal
-    /// direction, in its cosine to the position's zenith.
+    /// The Sun's cosine to the reference point's zenith is the sum of these weights times its
+    /// cosines to the observer's zenith and to the line's horizontal direction.
     weights: [f64; 2],
     /// Start, length and inverse length of the row's range on the scale of [`crowd`]; the inverse
     /// is 0 for an empty range.
     from: f64,
     span: f64,
     per_span: f64,
-    /// Fractions of the table's scattered light from direct sunlight and from the day side.
+    /// Light from direct sunlight and from the day side, relative to the table's scattered light.
     parts: Cubics<2>,
 }
 
@@ -102,7 +102,7 @@ impl Table {
 }
 
 impl Row {
-    /// For sines of the Sun's height between the two `ends`.
+    /// For sines of the Sun's elevation between the two `ends`.
     pub(crate) fn of(weights: [f64; 2], ends: [f64; 2]) -> Row {
         let [from, to] = ends.map(crowd);
         let span = to - from;
@@ -115,8 +115,8 @@ impl Row {
         }
     }
 
-    /// The fractions for the Sun's cosines to the observer's zenith and to the line's horizontal
-    /// direction; `parts` computes them for sines of the Sun's height.
+    /// The factors for the Sun's cosines to the observer's zenith and to the line's horizontal
+    /// direction; `parts` computes them for sines of the Sun's elevation.
     #[inline]
     pub(crate) fn at(&self, sun: [f64; 2], parts: impl Fn(f64) -> [f64; 2]) -> [f64; 2] {
         let height = self.weights[0] * sun[0] + self.weights[1] * sun[1];
@@ -127,8 +127,8 @@ impl Row {
         [direct.max(0.0), from_below.max(0.0)]
     }
 
-    /// The Sun's cosine to the line's horizontal direction, for the sine `height` of its height and
-    /// its cosine `along` to the observer's zenith.
+    /// The Sun's cosine to the line's horizontal direction, for the sine `height` of its elevation
+    /// and its cosine `along` to the observer's zenith.
     pub(crate) fn across(&self, height: f64, along: f64) -> f64 {
         if self.weights[1].abs() > 1e-9 {
             (height - self.weights[0] * along) / self.weights[1]
@@ -148,7 +148,7 @@ pub fn between(lines: &[f64], at: f64) -> (usize, f64) {
     (i, part.clamp(0.0, 1.0))
 }
 
-/// A scale of the sine of the Sun's height that is wide in twilight.
+/// Maps the sine of the Sun's elevation to a scale on which twilight is wide.
 fn crowd(height: f64) -> f64 {
     height / (height * height + TWILIGHT * TWILIGHT).sqrt()
 }

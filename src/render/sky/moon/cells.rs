@@ -35,8 +35,8 @@ const NODES: [(f64, f64); 3] = [
     (0.774_596_669_241_483_4, 5.0 / 18.0),
 ];
 
-/// The two factors of a cell's light and of its centroid: a row's by latitude, a column's by
-/// longitude.
+/// One of the two factors of a cell's light and of its centroid: the factor of its row (latitude)
+/// or of its column (longitude).
 struct Factor {
     light: f64,
     /// Contribution to `x`.

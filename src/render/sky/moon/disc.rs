@@ -20,7 +20,7 @@ const D: [f64; 2] = [0.368_14, -0.098_15];
 /// Their Eq. (11): `p1` and `p2`, deg.
 const P_DEG: [f64; 2] = [4.060_54, 12.880_2];
 
-/// Phase angles within this of pi (rad) have no visible light: the crescent is 9 m wide.
+/// Phase angles within this of pi (rad) have no visible light: the crescent is 9 mm wide.
 pub(super) const NEW_MOON: f64 = 1e-4;
 
 /// The Moon's disc for one observer.
@@ -125,7 +125,7 @@ fn disc_reflectance(phase: f64, longitude: f64) -> f64 {
 /// `S` of the module `moon`.
 fn disc_integral(phase: f64) -> f64 {
     let half = phase / 2.0;
-    // sin tan ln cot approaches g^2 ln g toward 0.
+    // The product approaches g^2 ln g toward 0.
     let lost = if phase > 1e-9 {
         libm::sin(half) * libm::tan(half) * -libm::log(libm::tan(half / 2.0))
     } else {

@@ -109,8 +109,8 @@ impl Shape {
         }
     }
 
-    /// Adds a sphere, Eqs. (7) and (8). Its lobe has no effect: the mirror directions of a sphere
-    /// give the same light everywhere.
+    /// Adds a sphere, Eqs. (7) and (8). Its lobe has no effect: a sphere reflects specular light
+    /// equally in all directions.
     pub fn sphere(&mut self, diameter_m: f64, surface: Surface) {
         let form = Form::Sphere(diameter_m);
         self.facets.push(Facet { form, surface });
@@ -211,7 +211,7 @@ impl Plate {
         self.area_m2 * surface.reflected(sun, seen, to_sun.dot(to_sensor), &cap)
     }
 
-    /// Its normal after rotation about its hinge to the greatest height of the Sun. Unchanged if
+    /// Its normal after the rotation about its hinge that turns it nearest to the Sun. Unchanged if
     /// the Sun is on the hinge's axis.
     fn turned(&self, to_sun: &Vector3<f64>) -> Vector3<f64> {
         let normal = self.normal.into_inner();

@@ -5,7 +5,7 @@ use nalgebra::Vector3;
 use std::f64::consts::{PI, TAU};
 
 /// A band of surface whose normals go around `axis`, all with the same elevation above the plane
-/// across it.
+/// perpendicular to it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Ring {
     /// Unit vectors: two across the axis, and the axis.
@@ -52,7 +52,7 @@ impl Ring {
 
     /// Eq. (6), m^2/sr, for the unit vectors to the Sun and to the sensor and the Sun's angular
     /// radius (rad): the integral of [`Surface::reflected`] over the ring. The diffuse part is
-    /// closed; the specular part is summed over the arc whose lobes contain the sensor.
+    /// in closed form; the specular part is summed over the arc whose lobes contain the sensor.
     pub fn reflective_area(
         &self,
         surface: &Surface,
@@ -106,7 +106,7 @@ impl Wave {
         self.mean + self.cos * cos + self.sin * sin
     }
 
-    /// Middle and half width of the arc with positive values; none without one.
+    /// Middle and half width of the arc with positive values, if there is one.
     fn positive(&self) -> Option<[f64; 2]> {
         let amplitude = libm::hypot(self.cos, self.sin);
         if self.mean <= -amplitude {

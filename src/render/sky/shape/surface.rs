@@ -18,9 +18,9 @@ pub struct Surface {
 /// Width of the specular light about the mirror direction.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Lobe {
-    /// The Sun's disc, as large as seen from the surface.
+    /// A mirror: the lobe ends at the angular radius of the Sun's disc.
     Mirror,
-    /// A glossy surface: it ends at this angle (rad), from [`Lobe::NARROWEST`] to a right angle.
+    /// A glossy surface: the lobe ends at this angle (rad), from [`Lobe::NARROWEST`] to pi / 2.
     Smooth(f64),
 }
 
@@ -43,7 +43,7 @@ pub(crate) struct Cap {
     edge: f64,
     /// `1 - cos` of it.
     depth: f64,
-    /// The power `k`.
+    /// Whether the power `k` is 2; else it is 0.
     smooth: bool,
 }
 
@@ -104,8 +104,8 @@ impl Surface {
     /// ```
     ///
     /// for the cosines `sun = n . s` and `seen = n . o`, both above 0, `apart = s . o`, and its
-    /// lobe's `cap`. At grazing light a part of the lobe would enter the surface. The second term
-    /// of `F_spec` reflects that part, so that no light is lost.
+    /// lobe's `cap`. At grazing incidence a part of the lobe would enter the surface. The second
+    /// term of `F_spec` reflects that part, so that no light is lost.
     pub(crate) fn reflected(&self, sun: f64, seen: f64, apart: f64, cap: &Cap) -> f64 {
         let mirrored = 2.0 * sun * seen - apart;
         let lobes = cap.density(mirrored) + cap.density(-apart);
