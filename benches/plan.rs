@@ -16,7 +16,7 @@ mod scenes;
 use scenes::scenes;
 
 /// Largest ratio of estimated and measured time, or its inverse.
-const MAX_OFF: f64 = 2.0;
+const MAX_RATIO: f64 = 2.0;
 /// Times below this (ms) are not resolved by the clock.
 const MIN_MS: f64 = 0.02;
 
@@ -81,7 +81,8 @@ fn report(path: &Path) -> bool {
             continue;
         };
         let ratio = price / measured.ms;
-        let fair = (1.0 / MAX_OFF..=MAX_OFF).contains(&ratio) || price.max(measured.ms) < MIN_MS;
+        let fair =
+            (1.0 / MAX_RATIO..=MAX_RATIO).contains(&ratio) || price.max(measured.ms) < MIN_MS;
         all_met &= fair;
         println!(
             "  {:<18} price {price:8.3} ms, measured {:8.3} +- {:.3} ms, ratio {ratio:5.2}{}",

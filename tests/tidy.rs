@@ -109,7 +109,7 @@ const CRATES: &[(&str, &[&str])] = &[
 ];
 
 /// A path, and the files or modules below `src/` that may use it. Manifests restrict whole crates.
-const FENCES: &[(&str, &[&str])] = &[
+const ALLOWED_USERS: &[(&str, &[&str])] = &[
     // In `render`, only `attitude` uses the wire protocol.
     (
         "skyloop_protocols::",
@@ -314,7 +314,7 @@ fn every_module_has_its_layer() {
 
 #[test]
 fn dependencies_stay_in_their_rooms() {
-    for (token, places) in FENCES {
+    for (token, places) in ALLOWED_USERS {
         let users: Vec<String> = sources()
             .into_iter()
             .filter(|(_, code)| code.contains(token))

@@ -23,7 +23,7 @@ pub const PERIOD_S: f64 = 1.0;
 const SEED: u64 = 1;
 
 /// Times of a sequence.
-pub struct Took {
+pub struct SequenceTimes {
     /// Number of images.
     pub images: u32,
     /// Time to load the scene and to prepare camera and sky, s.
@@ -103,7 +103,7 @@ fn scene(objects: &[Object], images: u32) -> anyhow::Result<Config> {
 /// # Errors
 ///
 /// The scene has no valid mission, or a file cannot be written.
-pub fn render(objects: &[Object], images: u32, folder: &Path) -> anyhow::Result<Took> {
+pub fn render(objects: &[Object], images: u32, folder: &Path) -> anyhow::Result<SequenceTimes> {
     let started = Instant::now();
     let mut config = scene(objects, images)?;
     let mission = flight::mission(&config)?;
@@ -121,7 +121,7 @@ pub fn render(objects: &[Object], images: u32, folder: &Path) -> anyhow::Result<
         emulator.recycle(exposed.frame);
     }
     writer.finish()?;
-    Ok(Took {
+    Ok(SequenceTimes {
         images,
         ready_s,
         total_s: started.elapsed().as_secs_f64(),

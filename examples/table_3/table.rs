@@ -1,6 +1,6 @@
 //! Table 3 of Clark et al. 2021 (Sensors 21, 7868), with skyloop's times and the published ones.
 
-use super::sequence::{PERIOD_S, Took, catalogue, render};
+use super::sequence::{PERIOD_S, SequenceTimes, catalogue, render};
 use anyhow::Context;
 use clap::Parser;
 use skyloop::effect::counted;
@@ -89,7 +89,7 @@ fn head(args: &Args, objects: usize) -> String {
 }
 
 /// Rows of a sequence and of the published ones with its length, or of all if there are none.
-fn rows(took: &Took) -> String {
+fn rows(took: &SequenceTimes) -> String {
     let images = took.images;
     let each_s = took.total_s / f64::from(images);
     let row = |name: &str, images: u32, total: &str, each: &str| {

@@ -31,7 +31,7 @@ pub(crate) enum Incoming {
     Damaged(NackRecord),
     Status(Box<Status>),
     /// A frame, or a packet of it, is unusable.
-    Useless(AssemblyError),
+    Unusable(AssemblyError),
     /// Part of a frame, or an undecodable packet.
     Other,
 }
@@ -259,7 +259,7 @@ impl Exchange {
             _ => match self.assembler.accept(packet, &header, &reply, now) {
                 Ok(Some(frame)) => Incoming::Frame(Box::new(frame)),
                 Ok(None) => Incoming::Other,
-                Err(error) => Incoming::Useless(error),
+                Err(error) => Incoming::Unusable(error),
             },
         })
     }

@@ -277,7 +277,7 @@ impl Links {
                         }
                         Incoming::Other
                     }
-                    Err(error) => Incoming::Useless(error),
+                    Err(error) => Incoming::Unusable(error),
                 }
             }
             // Replies and counters of the run are those of the truth link.

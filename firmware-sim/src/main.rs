@@ -154,7 +154,7 @@ fn run_mission(args: &Args, suite: &mut Suite, mut junit: Option<&mut VerdictFil
         .with_faults(args.fault.clone())
         .with_pause(args.pause)
         .with_control(closed)
-        .with_zero(zero);
+        .with_start_instant(zero);
     let (report, cut_short) = match report_events(flight_computer, args.profile.listens(), &stop) {
         Ok(report) => (report, None),
         Err(RunError::CutShort { report, source }) => (*report, Some(source)),

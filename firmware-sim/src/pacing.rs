@@ -5,7 +5,7 @@
 
 use std::time::{Duration, Instant};
 
-use skyloop_protocols::credit::PAID;
+use skyloop_protocols::credit::CREDITED_APIDS;
 use skyloop_protocols::packet::SEQUENCE_MODULUS;
 
 /// On slow links a grant goes out with the first packet after this time, because the emulator mutes
@@ -19,7 +19,7 @@ pub(crate) struct Pacing {
     sent: u32,
     granted: u32,
     renewed: Instant,
-    next: [Option<u16>; PAID.len()],
+    next: [Option<u16>; CREDITED_APIDS.len()],
     missing: u64,
     /// Losses reported by a `Status` but not yet by sequence counts.
     reported: u32,
@@ -33,7 +33,7 @@ impl Pacing {
             sent: 0,
             granted: window,
             renewed: Instant::now(),
-            next: [None; PAID.len()],
+            next: [None; CREDITED_APIDS.len()],
             missing: 0,
             reported: 0,
         }
@@ -45,7 +45,7 @@ impl Pacing {
 
     /// Records an arrival. Returns whether a new grant is due.
     pub(crate) fn arrived(&mut self, apid: u16, sequence_count: u16) -> bool {
-        let Some(row) = PAID.iter().position(|paid| *paid == apid) else {
+        let Some(row) = CREDITED_APIDS.iter().position(|paid| *paid == apid) else {
             return false;
         };
         let next = &mut self.next[row];
@@ -98,7 +98,7 @@ impl Pacing {
 
     /// Drops the state of an incomplete frame: the next `Status` is the new base.
     pub(crate) fn forget(&mut self) {
-        self.next = [None; PAID.len()];
+        self.next = [None; CREDITED_APIDS.len()];
         self.reported = 0;
     }
 

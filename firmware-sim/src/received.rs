@@ -50,9 +50,9 @@ pub struct ReceivedFrame {
     /// Arrival time of the header.
     pub header_at: Instant,
     /// Arrival time of the last packet with pixels; without pixels, of the last one with labels.
-    pub last_block: Instant,
+    pub last_data_at: Instant,
     /// Arrival time of the last packet.
-    pub whole_at: Instant,
+    pub completed_at: Instant,
     /// Label text or object records, read only through [`ReceivedFrame::labels`] and
     /// [`ReceivedFrame::objects`].
     pub(crate) sealed_labels: Vec<u8>,

@@ -6,7 +6,7 @@
 use crate::packet::apid;
 
 /// The APIDs of frame packets, which use credit.
-pub const PAID: [u16; 7] = [
+pub const CREDITED_APIDS: [u16; 7] = [
     apid::FRAME_HEADER,
     apid::PIXEL_BLOCK,
     apid::LABELS,
@@ -16,7 +16,7 @@ pub const PAID: [u16; 7] = [
     apid::FRAME_END,
 ];
 
-/// Credit for frame packets ([`PAID`]) in one exchange.
+/// Credit for frame packets ([`CREDITED_APIDS`]) in one exchange.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct CreditAccount {
     granted: Option<u32>,

@@ -7,7 +7,8 @@ pub use crate::generated::frames::{FrameHeader, LabelPart, PixelBlock};
 use crate::output::{LabelLevel, MAX_WINDOW, PixelLevel};
 use crate::packet::same_length;
 use crate::pixels::{
-    self, LABEL_TEXT_PER_PART, is_cut_right, is_padded, packed_length, pixels_per_block, unpack,
+    self, LABEL_TEXT_PER_PART, has_valid_part_length, is_padded, packed_length, pixels_per_block,
+    unpack,
 };
 use crate::rice;
 use crate::rules::rule;
@@ -176,22 +177,22 @@ impl LabelPart<'_> {
         self.part as usize * LABEL_TEXT_PER_PART
     }
 
-    const fn is_cut_right(&self) -> bool {
-        is_cut_right(self.part, self.parts, self.text.len(), LABEL_TEXT_PER_PART)
+    const fn has_valid_part_length(&self) -> bool {
+        has_valid_part_length(self.part, self.parts, self.text.len(), LABEL_TEXT_PER_PART)
     }
 
     /// Refuses a text whose length contradicts the numbers. Every decoded part has passed this.
     pub fn check(&self) -> Result<(), DecodeError> {
         self.check_fields()?;
         rule(
-            self.is_cut_right(),
+            self.has_valid_part_length(),
             "Labels.part",
             "must be below parts, with a full text unless it is the last",
         )
     }
 
     pub(crate) fn check_layout(&self) -> Result<(), EncodeError> {
-        if self.is_cut_right() {
+        if self.has_valid_part_length() {
             return Ok(());
         }
         Err(EncodeError::Inconsistent {

@@ -4,7 +4,9 @@ use crate::error::{DecodeError, EncodeError};
 pub use crate::generated::frames::{CompressedBlock, ObjectPart, ObjectRecord, WindowBlock};
 use crate::packet::same_length;
 pub use crate::pixels::window_length;
-use crate::pixels::{OBJECT_LENGTH, OBJECTS_PER_PART, is_cut_right, is_padded, windows_per_block};
+use crate::pixels::{
+    OBJECT_LENGTH, OBJECTS_PER_PART, has_valid_part_length, is_padded, windows_per_block,
+};
 use crate::rules::rule;
 use crate::wire::{Reader, Writer};
 
@@ -101,9 +103,9 @@ impl<'a> ObjectPart<'a> {
         objects.filter_map(Result::ok)
     }
 
-    const fn is_cut_right(&self) -> bool {
+    const fn has_valid_part_length(&self) -> bool {
         let full = OBJECTS_PER_PART * OBJECT_LENGTH;
-        is_cut_right(self.part, self.parts, self.data.len(), full)
+        has_valid_part_length(self.part, self.parts, self.data.len(), full)
             && self.data.len() <= full
             && self.data.len().is_multiple_of(OBJECT_LENGTH)
     }
@@ -113,7 +115,7 @@ impl<'a> ObjectPart<'a> {
     pub fn check(&self) -> Result<(), DecodeError> {
         self.check_fields()?;
         rule(
-            self.is_cut_right(),
+            self.has_valid_part_length(),
             "Objects.part",
             "must be below parts, with 25 records unless it is the last",
         )?;

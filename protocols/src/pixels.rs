@@ -183,7 +183,12 @@ pub(crate) fn is_padded(packing: Packing, count: usize, data: &[u8]) -> bool {
 }
 
 /// Whether part `part` of `parts` has the right length: only the last may be shorter than `full`.
-pub(crate) const fn is_cut_right(part: u16, parts: u16, length: usize, full: usize) -> bool {
+pub(crate) const fn has_valid_part_length(
+    part: u16,
+    parts: u16,
+    length: usize,
+    full: usize,
+) -> bool {
     let last = part as u32 + 1 == parts as u32;
     part < parts && length > 0 && (last || length == full)
 }

@@ -1,6 +1,6 @@
 //! Packets of the emulator: frames, status, acknowledgements.
 
-use crate::credit::PAID;
+use crate::credit::CREDITED_APIDS;
 use crate::error::{DecodeError, EncodeError, Reason};
 use crate::frame::fits_packing;
 pub use crate::frame::{
@@ -61,7 +61,7 @@ impl<'a> Nack<'a> {
 impl<'a> Reply<'a> {
     /// Whether its packets use credit: those of a frame do, answers do not.
     pub fn takes_credit(&self) -> bool {
-        PAID.contains(&self.apid())
+        CREDITED_APIDS.contains(&self.apid())
     }
 
     /// Reads exactly one packet.

@@ -116,7 +116,7 @@ fn in_file(chosen: &Chosen<'_>) -> String {
 }
 
 /// States for a measurement with unknown pointing: along the six axes, at rest, now.
-pub(super) fn around() -> anyhow::Result<Vec<VehicleState>> {
+pub(super) fn states_along_axes() -> anyhow::Result<Vec<VehicleState>> {
     say(format_args!(
         "--budget-ms: no [sequence] says where the client will be: measured from the Earth's centre along the six axes, at rest\n"
     ))?;

@@ -8,7 +8,7 @@ use serde::Serialize;
 use skyloop::config::{Config, Observer};
 use skyloop::effect::counted;
 use skyloop::flight;
-use skyloop::load::orbits::{of_one_name, several_sets, shared_names};
+use skyloop::load::orbits::{report_shared_names, several_sets, shared_names};
 use skyloop::orbit::path_text;
 use skyloop::orbit::{Ages, Object, is_same};
 use skyloop_firmware_sim::console::say;
@@ -90,7 +90,7 @@ impl Records {
         }
         let shared = shared_names(&config.objects);
         let lines = several_sets(&config.objects).into_iter();
-        for line in lines.chain(of_one_name(&shared)) {
+        for line in lines.chain(report_shared_names(&shared)) {
             tracing::warn!("{line}");
         }
         Ok(())

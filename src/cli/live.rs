@@ -13,14 +13,14 @@ use std::path::Path;
 use std::time::Duration;
 
 /// Metrics server and granted real-time settings, until this value is dropped.
-pub struct Help {
+pub struct LiveServices {
     metrics: Option<(Vec<Metrics>, metrics::Server)>,
     pub granted: Granted,
 }
 
 /// Serves the metrics of all cameras, and applies the real-time settings. Call it before links are
 /// opened, because their threads inherit the settings.
-pub fn help(config: &Config, address: Option<&str>) -> anyhow::Result<Help> {
+pub fn services(config: &Config, address: Option<&str>) -> anyhow::Result<LiveServices> {
     let run = &config.run;
     let from = if address.is_some() {
         "--metrics"
@@ -50,7 +50,7 @@ pub fn help(config: &Config, address: Option<&str>) -> anyhow::Result<Help> {
     }
     let mut granted = realtime::ask(requested);
     granted.add_refused(rendering);
-    Ok(Help { metrics, granted })
+    Ok(LiveServices { metrics, granted })
 }
 
 /// The options of a run's links, with the instruments of a CAN bus.
@@ -78,7 +78,7 @@ pub fn of_head(name: &str) -> tracing::Span {
     tracing::warn_span!("head", name)
 }
 
-impl Help {
+impl LiveServices {
     pub fn metrics_address(&self) -> Option<String> {
         let (_, metrics) = self.metrics.as_ref()?;
         Some(metrics.address().to_string())
@@ -93,7 +93,7 @@ impl Help {
     }
 }
 
-impl fmt::Display for Help {
+impl fmt::Display for LiveServices {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         if let Some((_, metrics)) = &self.metrics {
             writeln!(f, "metrics at http://{}/metrics", metrics.address())?;

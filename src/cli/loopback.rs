@@ -70,7 +70,7 @@ pub struct Args {
 const WRITE_QUEUE: usize = 8;
 
 /// Time without a frame after which a link that a fault has stopped counts as failed.
-const STOPPED: Duration = Duration::from_secs(5);
+const STALL_TIMEOUT_OF_FAULT: Duration = Duration::from_secs(5);
 
 pub fn run(args: Args) -> anyhow::Result<()> {
     let scene = args.scene.as_deref().map(|scene| ("--scene", scene));
@@ -137,7 +137,7 @@ fn fly(args: &Args, suite: &mut Suite, mut junit: Option<&mut VerdictFile>) -> a
     let cut_short = both(cut_short, unwritten);
     let verdicts = conclude(args, suite, &report, cut_short.as_ref(), junit)?;
     cut_short.map_or(Ok(()), Err)?;
-    came_whole(&report, &interrupted)?;
+    check_all_frames_arrived(&report, &interrupted)?;
     verdict::broken(&verdicts).map_or(Ok(()), |broken| bail!(broken))
 }
 
@@ -156,7 +156,7 @@ fn run_pair(
     let flown = exchange(server, flight_computer, writer, to, interrupted, &bar)?;
     let (report, cut_short) = match flown.report {
         Ok(report) => (report, None),
-        Err(error) => blamed(error, instruments.faults())?,
+        Err(error) => attribute_to_faults(error, instruments.faults())?,
     };
     let table = table(&rows(&flown.stats, &report, instruments));
     let stopped = || flown.stopped.map(|stop| stopped_by(&stop, &args.link));
@@ -196,7 +196,7 @@ fn scene_with_frames(args: &Args) -> anyhow::Result<Config> {
     Ok(config)
 }
 
-struct Flown {
+struct RunResults {
     report: Result<Report, RunError>,
     stats: RunStats,
     /// The fault that stopped the link permanently.
@@ -211,7 +211,7 @@ fn exchange(
     (instruments, needs): (&Instruments, Needs),
     interrupted: &AtomicBool,
     bar: &ProgressBar,
-) -> anyhow::Result<Flown> {
+) -> anyhow::Result<RunResults> {
     let (stop, over) = (AtomicBool::new(false), AtomicBool::new(false));
     let (exposed_frames, to_write) = sync_channel::<ExposedFrame>(WRITE_QUEUE);
     let mut stopped = None;
@@ -233,7 +233,7 @@ fn exchange(
                 last_event = Instant::now();
             }
             show(&event, bar);
-            if last_event.elapsed() > STOPPED {
+            if last_event.elapsed() > STALL_TIMEOUT_OF_FAULT {
                 stopped = instruments.stopped(last_event, needs);
             }
             let ends = interrupted.load(Ordering::Relaxed) || over.load(Ordering::Relaxed);
@@ -251,7 +251,7 @@ fn exchange(
         bail!(PANICKED);
     };
     written.context("writing the frames")?;
-    Ok(Flown {
+    Ok(RunResults {
         report,
         stats,
         stopped,
@@ -273,7 +273,7 @@ fn show(event: &Event<'_>, bar: &ProgressBar) {
 
 /// The error of a link that a fault has stopped permanently.
 fn stopped_by(stop: &Stop, link: &str) -> Error {
-    let s = STOPPED.as_secs();
+    let s = STALL_TIMEOUT_OF_FAULT.as_secs();
     let Stop { fault, packets, .. } = stop;
     let (lasts, remedy) = match stop.lasts {
         None => ("has no end".to_string(), "a for_s"),
@@ -291,7 +291,7 @@ fn stopped_by(stop: &Stop, link: &str) -> Error {
 
 /// Errors: the run was interrupted, or frames did not arrive. The number of frames in the error is
 /// the same as in the verdict.
-fn came_whole(report: &Report, interrupted: &AtomicBool) -> anyhow::Result<()> {
+fn check_all_frames_arrived(report: &Report, interrupted: &AtomicBool) -> anyhow::Result<()> {
     let all = counted(report.requested as usize, "frame");
     if interrupted.load(Ordering::Relaxed) {
         bail!("stopped: {} of {all} came whole", report.frames);
@@ -305,7 +305,7 @@ fn came_whole(report: &Report, interrupted: &AtomicBool) -> anyhow::Result<()> {
 
 /// If faults were injected that may have ended the run: its report, and an error that names them.
 /// Any other error is returned.
-fn blamed(
+fn attribute_to_faults(
     error: RunError,
     faults: Option<String>,
 ) -> anyhow::Result<(Report, Option<anyhow::Error>)> {
@@ -370,7 +370,7 @@ mod tests {
             waited: Duration::from_secs(30),
         };
         let done = "in: stuck 4; out: none".to_string();
-        let (report, why) = blamed(silent(), Some(done.clone())).unwrap();
+        let (report, why) = attribute_to_faults(silent(), Some(done.clone())).unwrap();
         let text = why.unwrap().to_string();
         for word in ["within 30 s", "faults are injected (in: stuck 4", "for_s"] {
             assert!(text.contains(word), "no {word:?} in {text}");
@@ -381,8 +381,8 @@ mod tests {
             report: Box::default(),
             source: Box::new(silent()),
         };
-        let (_, why) = blamed(short, Some(done)).unwrap();
+        let (_, why) = attribute_to_faults(short, Some(done)).unwrap();
         assert!(why.unwrap().to_string().contains("faults are injected"));
-        assert!(blamed(silent(), None).is_err());
+        assert!(attribute_to_faults(silent(), None).is_err());
     }
 }

@@ -130,7 +130,7 @@ fn lines(bench: &Bench<'_>, measure: bool) -> anyhow::Result<Vec<Line>> {
     let choice = &bench.emulator.choice;
     let verdicts = EFFECTS.iter().zip(bench.verdicts(choice)?);
     let lines = verdicts.map(|(effect, verdict)| Line {
-        rms: effect.random && !effect.is_foreseen(),
+        rms: effect.random && !effect.is_drawn_with_scene(),
         by_px: effect.moves_images() && verdict.error_px.is_some_and(|px| px > 0.0),
         verdict,
         measured_error_e: None,

@@ -71,7 +71,7 @@ pub fn run(args: Args, verbose: bool) -> anyhow::Result<()> {
     if verbose {
         list(&progress)?;
     }
-    let whole = whole_of(&progress);
+    let whole = count_whole_frames(&progress);
     if let Some(difference) = progress.difference {
         bail!(
             "after {} that came back the same: {difference}; {hint}",
@@ -164,7 +164,7 @@ fn wait(
             break;
         }
         std::thread::sleep(Duration::from_millis(5));
-        let same = || counted(whole_of(&replay.progress()), "frame");
+        let same = || counted(count_whole_frames(&replay.progress()), "frame");
         if interrupted.load(Ordering::Relaxed) {
             bail!("stopped after {} that came back the same", same());
         }
@@ -215,7 +215,7 @@ fn hint(args: &Args, differences: Option<&[String]>) -> String {
     }
 }
 
-fn whole_of(progress: &Progress) -> usize {
+fn count_whole_frames(progress: &Progress) -> usize {
     progress.frames.iter().filter(|frame| frame.whole).count()
 }
 

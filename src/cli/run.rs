@@ -76,7 +76,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         (args.link.clone(), "--link".to_string())
     };
     let mut instruments = outputs(&args, &urls)?;
-    let help = live::help(&config, args.metrics.as_deref())?;
+    let services = live::services(&config, args.metrics.as_deref())?;
     let (links, seen) = open_links(&config, &urls, key, &instruments)?;
     let mission = match config.sequence {
         Some(_) => Some(mission(&config, file)?),
@@ -91,13 +91,13 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         }
         _ => None,
     };
-    let (config, cameras) = session.live(links, warm_up.as_ref(), &help)?;
-    let mut ready = ready_file(&args, &config, &cameras, help.metrics_address())?;
+    let (config, cameras) = session.live(links, warm_up.as_ref(), &services)?;
+    let mut ready = ready_file(&args, &config, &cameras, services.metrics_address())?;
     // After all other checks, because it replaces earlier files.
     instruments.begin(recorded)?;
     let (_, error) = instruments.finish_after(|instruments| {
         warn_of_rates(&config);
-        introduce(&config, objects, &cameras, &format!("{chosen}{help}"))?;
+        introduce(&config, objects, &cameras, &format!("{chosen}{services}"))?;
         ready.iter_mut().try_for_each(ReadyFile::publish)?;
         let served = serve(&args, &config, cameras, &seen, &stop);
         drop(ready);

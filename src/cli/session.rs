@@ -1,11 +1,11 @@
 //! Builds configuration, emulator, and cameras on their links for `run`, `loopback`, `soak` and
 //! `replay`.
 
-use super::budget::{Budget, FRAMES, around};
+use super::budget::{Budget, FRAMES, states_along_axes};
 use super::common::{Orbits, Records, scene, with_level};
 use super::cost::spread;
 use super::instruments;
-use super::live::{Help, of_head};
+use super::live::{LiveServices, of_head};
 use anyhow::anyhow;
 use skyloop::attitude::VehicleState;
 use skyloop::config::{Clock, Config};
@@ -69,7 +69,7 @@ impl Session {
     ) -> anyhow::Result<String> {
         budget.settle(&mut self.emulator, stop, || match mission {
             Some(mission) => spread(mission, FRAMES),
-            None => around(),
+            None => states_along_axes(),
         })
     }
 
@@ -91,7 +91,7 @@ impl Session {
         self,
         links: Vec<Links>,
         warm_up: Option<&VehicleState>,
-        help: &Help,
+        services: &LiveServices,
     ) -> anyhow::Result<(Config, Cameras)> {
         let Session {
             config,
@@ -114,7 +114,7 @@ impl Session {
         let (own, run) = (links.next().unwrap_or_default(), &config.run);
         let mut first = Server::new(emulator, own, run.output, run.clock, &NATIVE);
         first.set_run(run);
-        help.serve(0, &mut first);
+        services.serve(0, &mut first);
         first.fits().map_err(anyhow::Error::msg)?;
         let mut cameras = Cameras {
             first,
@@ -123,7 +123,7 @@ impl Session {
         for ((head, emulator), own) in config.cameras.iter().zip(further).zip(links) {
             let _of = of_head(&head.name).entered();
             let mut server = cameras.first.head(emulator, own, run);
-            help.serve(cameras.further.len() + 1, &mut server);
+            services.serve(cameras.further.len() + 1, &mut server);
             let unfit = |why| anyhow!("head {}: {why}", head.name);
             server.fits().map_err(unfit)?;
             cameras.further.push(server);

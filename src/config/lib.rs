@@ -39,7 +39,7 @@ use skyloop_render::fidelity::{Choice, Fidelity};
 use skyloop_render::sky::Corrections;
 use skyloop_render::sky::catalog::Selection;
 use skyloop_render::sky::photometry::Sphere;
-use skyloop_render::sky::population::{Looks, Population};
+use skyloop_render::sky::population::{Appearances, Population};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -67,7 +67,7 @@ pub struct Config {
     /// The default sphere of objects.
     pub sphere: Sphere,
     /// Shapes and spheres of other objects.
-    pub looks: Looks,
+    pub looks: Appearances,
     /// The observer's orbit, for runs that make their own attitudes.
     pub observer: Option<Observer>,
     /// The exposures of an offline run.

@@ -12,7 +12,7 @@ use skyloop_base::load::{
 use skyloop_orbit::{Object, places};
 use skyloop_render::sky::look::Body;
 use skyloop_render::sky::photometry::Sphere;
-use skyloop_render::sky::population::{Look, Looks};
+use skyloop_render::sky::population::{Appearance, Appearances};
 use skyloop_render::sky::shape::Shape;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
@@ -23,7 +23,7 @@ pub struct Objects {
     /// Orbits and names.
     pub objects: Vec<Object>,
     /// Shapes and spheres of some objects.
-    pub looks: Looks,
+    pub looks: Appearances,
     /// Refusals and notices of their files.
     pub findings: Findings,
     /// The default sphere.
@@ -180,7 +180,7 @@ struct Origin {
     key: String,
     file: String,
     name: String,
-    look: Look,
+    look: Appearance,
 }
 
 impl Entries {
@@ -303,7 +303,7 @@ impl RawEntry {
         key: &str,
         shapes: &BTreeMap<String, Shape>,
         check: &Check,
-    ) -> Result<Look, ConfigError> {
+    ) -> Result<Appearance, ConfigError> {
         let sphere = self.sphere.as_ref();
         let sphere = sphere.map(|own| own.validate(&format!("{key}.sphere"), LIMITS, check));
         let attitude = self.attitude.as_ref();
@@ -320,7 +320,7 @@ impl RawEntry {
                     let error = check.refuse(&format!("{key}.shape"), format!("{name:?}"), allowed);
                     return Err(error.needs(&[&format!("shapes.{name}")]));
                 };
-                Ok(Look::Body(Arc::new(Body {
+                Ok(Appearance::Body(Arc::new(Body {
                     shape: shape.clone(),
                     attitude,
                 })))
@@ -330,7 +330,7 @@ impl RawEntry {
                 Err(check.explain(key, reason))
             }
             // Rules between keys refuse all other combinations.
-            (sphere, ..) => Ok(Look::Sphere(sphere.unwrap_or_default())),
+            (sphere, ..) => Ok(Appearance::Sphere(sphere.unwrap_or_default())),
         }
     }
 }

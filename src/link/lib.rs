@@ -36,7 +36,7 @@ mod udp;
 mod wire;
 
 pub use error::{LinkError, OpenError};
-pub use every::Every;
+pub use every::LogRateLimit;
 pub use inbox::QUEUE;
 pub use inbox::{Inbound, Inbox, InboxSender};
 pub use kind::{AroundBus, AtBus, BothEnds, BusInstruments, Link, Options};

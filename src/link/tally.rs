@@ -1,7 +1,7 @@
 //! Counters of a link, and detection of a standstill.
 
 use super::tx_complete::{TxComplete, Unsent};
-use skyloop_protocols::credit::PAID;
+use skyloop_protocols::credit::CREDITED_APIDS;
 use skyloop_protocols::packet::identify;
 use skyloop_protocols::{Counters, Direction, MAX_PACKET};
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
@@ -229,7 +229,7 @@ impl Tally {
 
 /// Whether a packet belongs to a frame.
 pub fn is_of_frame(packet: &[u8]) -> bool {
-    identify(packet).is_some_and(|(apid, _)| PAID.contains(&apid))
+    identify(packet).is_some_and(|(apid, _)| CREDITED_APIDS.contains(&apid))
 }
 
 pub(super) fn count(counter: &AtomicU32) {

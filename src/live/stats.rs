@@ -37,7 +37,7 @@ pub struct RunStats {
     /// Objects in the field that labels omit, by reason.
     pub unseen: BTreeMap<&'static str, usize>,
     /// Frame counters of the links that carry frames, by address.
-    pub accounts: Vec<(String, FrameCounters)>,
+    pub frame_counters: Vec<(String, FrameCounters)>,
     /// Frames in which one light source saturates every pixel.
     pub flooded: u32,
     /// Objects without a state at some frame.
@@ -108,13 +108,13 @@ impl RunStats {
 
     /// Rows of withheld frames, by link if there are several.
     pub fn withheld_rows(&self) -> Vec<(String, String)> {
-        let accounts = self.accounts.iter();
-        let some = accounts.filter(|(_, account)| !account.withheld.is_empty());
+        let links = self.frame_counters.iter();
+        let some = links.filter(|(_, account)| !account.withheld.is_empty());
         let rows = some.map(|(link, account)| {
             let (requested, delivered) = (account.requested, account.delivered);
             let mut text = by_reason(&account.withheld);
             text += &format!("; {requested} requested, {delivered} delivered");
-            if self.accounts.len() > 1 {
+            if self.frame_counters.len() > 1 {
                 text += &format!(", over {link}");
             }
             row("frames withheld", text)
@@ -290,7 +290,7 @@ mod tests {
             withheld: withheld.iter().copied().collect(),
         };
         let one = account(7, &[("no credit", 2)]);
-        stats.accounts = vec![("a".to_string(), one)];
+        stats.frame_counters = vec![("a".to_string(), one)];
         let text = "2 (2 no credit); 9 requested, 7 delivered".to_string();
         assert_eq!(
             stats.rows().pop(),
@@ -298,7 +298,7 @@ mod tests {
         );
         let others = [account(9, &[]), account(0, &[("refused", 9)])];
         let others = ["b", "c"].map(str::to_string).into_iter().zip(others);
-        stats.accounts.extend(others);
+        stats.frame_counters.extend(others);
         let rows = stats.rows();
         let rows = rows.iter().rev().take(2).rev().map(|(_, value)| &value[..]);
         assert_eq!(

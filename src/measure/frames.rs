@@ -3,7 +3,7 @@
 //!
 //! All values of a report are ratios from one run, measured alternately.
 
-use super::population::before;
+use super::population::scene_with_population;
 use super::ratio::{MS, Machine, Row, pools, row, with_threads};
 use super::smear::smear;
 use hifitime::Unit;
@@ -194,7 +194,7 @@ impl Work {
     /// With a square detector of `side` pixels, if given; without a `level` by the scalar SGP4.
     /// Renders some frames beforehand.
     fn new(camera: &str, side: Option<usize>, level: Option<Level>) -> Result<Work, ConfigError> {
-        let (mut config, vehicle) = before(OBJECTS)?;
+        let (mut config, vehicle) = scene_with_population(OBJECTS)?;
         config.camera = Camera::load(camera, &Folder::current())?;
         if let Some(side) = side {
             (config.camera.detector.width, config.camera.detector.height) = (side, side);

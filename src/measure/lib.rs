@@ -121,7 +121,7 @@ impl Bench<'_> {
         };
         let worst =
             |change: &[f64]| (0..change.len()).max_by(|i, j| change[*i].total_cmp(&change[*j]));
-        if !effect.random || effect.is_foreseen() {
+        if !effect.random || effect.is_drawn_with_scene() {
             let change = change(0..1)?;
             return Ok(worst(&change).map_or(0.0, |pixel| change[pixel]));
         }

@@ -6,10 +6,10 @@ use skyloop_config::flight::{self, FlightError};
 use skyloop_orbit::synth::population;
 use skyloop_render::attitude::VehicleState;
 use skyloop_render::sky::photometry::Sphere;
-use skyloop_render::sky::population::Look;
+use skyloop_render::sky::population::Appearance;
 
 /// The built-in scene with synthetic spheres instead of its objects, and its first vehicle.
-pub(crate) fn before(objects: usize) -> Result<(Config, VehicleState), ConfigError> {
+pub(crate) fn scene_with_population(objects: usize) -> Result<(Config, VehicleState), ConfigError> {
     let mut config = Config::builtin()?;
     let no_start = |error: FlightError| ConfigError::Orbit(error.to_string());
     let mission = flight::mission(&config).map_err(no_start)?;
@@ -22,7 +22,9 @@ pub(crate) fn before(objects: usize) -> Result<(Config, VehicleState), ConfigErr
             ..Sphere::default()
         };
         let object = one.object();
-        config.looks.insert(object.id.clone(), Look::Sphere(sphere));
+        config
+            .looks
+            .insert(object.id.clone(), Appearance::Sphere(sphere));
         config.objects.push(object);
     }
     Ok((config, vehicle))

@@ -1,6 +1,6 @@
 //! The cost of smear: moving stars against the same stars at rest.
 
-use super::population::before;
+use super::population::scene_with_population;
 use super::ratio::{MS, Row, row};
 use nalgebra::Vector3;
 use skyloop_base::load::{ConfigError, Folder};
@@ -58,7 +58,7 @@ pub(crate) fn smear() -> Result<Row, ConfigError> {
 
 impl Stars {
     fn new() -> Result<Stars, ConfigError> {
-        let (mut config, mut vehicle) = before(0)?;
+        let (mut config, mut vehicle) = scene_with_population(0)?;
         config.camera = Camera::load("rigel-l", &Folder::current())?;
         let emulator = Emulator::new(&mut config);
         let camera = emulator.camera();

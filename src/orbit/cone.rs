@@ -23,12 +23,12 @@ pub struct Cone {
     /// 1 where the whole cone lies in front of its apex, else 0.
     before: f64,
     /// Objects within this distance of the cone count as inside, km.
-    pub path_km: f64,
+    pub margin_km: f64,
 }
 
 impl Cone {
-    /// Apex (km), axis (unit vector), half angle (rad, up to pi), and the margin `path_km`.
-    pub fn new(apex_km: [f64; 3], axis: [f64; 3], angle: f64, path_km: f64) -> Cone {
+    /// Apex (km), axis (unit vector), half angle (rad, up to pi), and the margin `margin_km`.
+    pub fn new(apex_km: [f64; 3], axis: [f64; 3], angle: f64, margin_km: f64) -> Cone {
         let (sin, cos) = libm::sincos(angle);
         Cone {
             apex_km,
@@ -38,7 +38,7 @@ impl Cone {
             cos,
             cos2: cos * cos.abs(),
             before: f64::from(u8::from(angle <= FRAC_PI_2)),
-            path_km,
+            margin_km,
         }
     }
 
@@ -54,9 +54,9 @@ impl Cone {
     #[inline(always)]
     pub fn holds(&self, position_km: [f64; 3]) -> bool {
         let (along, range2) = self.axial(position_km);
-        let bound = self.path_km + along * self.sin;
+        let bound = self.margin_km + along * self.sin;
         ((range2 - along * along) * self.cos2 <= bound * bound.abs())
-            & (-along * self.before <= self.path_km)
+            & (-along * self.before <= self.margin_km)
     }
 
     /// Lower bound of the distance of a position (km) from the cone, and the squared range.
@@ -103,7 +103,7 @@ pub(crate) struct Moved {
 
 impl Moved {
     /// Adds the motion from the last cone to `cone`, which is that of the time `ns`.
-    pub fn on_to(&mut self, cone: &Cone, ns: i64) {
+    pub fn add_motion(&mut self, cone: &Cone, ns: i64) {
         if let Some((last, then)) = &self.last {
             let (km, rad) = last.to(cone);
             let seconds = ns.abs_diff(*then) as f64 * 1e-9;
@@ -116,7 +116,7 @@ impl Moved {
 
 /// How long no object of a block can enter the cone.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Leeway {
+pub(crate) struct ClearUntil {
     /// [`Moved`] at computation, plus the least distance of an object from the cone, km.
     until_km: f64,
     /// [`Moved`] at computation, rad.
@@ -125,16 +125,16 @@ pub(crate) struct Leeway {
     range_km: f64,
 }
 
-impl Leeway {
+impl ClearUntil {
     /// Expired from the start.
-    pub const NONE: Leeway = Leeway {
+    pub const NONE: ClearUntil = ClearUntil {
         until_km: f64::NEG_INFINITY,
         rad: 0.0,
         range_km: 0.0,
     };
 
     /// For objects at these positions, km, with an error of up to `error_km`.
-    pub fn of(positions_km: &[Row; 3], cone: &Cone, error_km: f64, moved: &Moved) -> Leeway {
+    pub fn of(positions_km: &[Row; 3], cone: &Cone, error_km: f64, moved: &Moved) -> ClearUntil {
         let [x, y, z] = positions_km;
         let positions = x.iter().zip(y).zip(z);
         let outside = positions.map(|((x, y), z)| cone.outside_km([*x, *y, *z]));
@@ -142,7 +142,7 @@ impl Leeway {
             .fold((f64::INFINITY, 0.0f64), |(least, range2), (km, square)| {
                 (least.min(km), range2.max(square))
             });
-        Leeway {
+        ClearUntil {
             until_km: moved.km + least - error_km,
             rad: moved.rad,
             range_km: range2.sqrt(),
@@ -157,6 +157,6 @@ impl Leeway {
         // Motion is summed in steps, each rounded to some 1e-16 of the sum.
         const ROUNDING: f64 = 1e-9;
         let swept_km = (moved.rad - self.rad) * self.range_km;
-        self.until_km - moved.km * (1.0 + ROUNDING) > swept_km + cone.path_km
+        self.until_km - moved.km * (1.0 + ROUNDING) > swept_km + cone.margin_km
     }
 }

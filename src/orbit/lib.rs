@@ -250,7 +250,7 @@ impl Object {
     }
 
     /// Index of the element set that is used at `t`.
-    pub fn number_at(&self, t: Epoch) -> usize {
+    pub fn set_index_at(&self, t: Epoch) -> usize {
         match &self.orbit {
             Orbit::Elements(set, others) if !others.is_empty() => {
                 let nearest = nearest(set, others, t);
@@ -263,7 +263,7 @@ impl Object {
     }
 
     /// The object with the element set of `t` alone, so that it cannot change during an exposure.
-    pub fn settled(&self, t: Epoch) -> Cow<'_, Object> {
+    pub fn with_set_at(&self, t: Epoch) -> Cow<'_, Object> {
         match &self.orbit {
             Orbit::Elements(set, others) if !others.is_empty() => Cow::Owned(Object {
                 id: self.id.clone(),

@@ -9,7 +9,7 @@ use rayon::prelude::*;
 /// Longest name line: 24 characters after `0 `. Element lines have 69, or 68 without a checksum.
 const LONGEST_NAME: usize = 26;
 /// Columns of a line without its checksum.
-const UNSEALED: usize = 68;
+const LINE_WITHOUT_CHECKSUM: usize = 68;
 
 /// Position of the name lines in a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -78,7 +78,8 @@ impl Step<'_> {
             } => (first, second, name),
             Step::Refused(line, reason) => return Err((line, reason)),
         };
-        let is_bare = first.1.len() == UNSEALED && second.1.len() == UNSEALED;
+        let is_bare =
+            first.1.len() == LINE_WITHOUT_CHECKSUM && second.1.len() == LINE_WITHOUT_CHECKSUM;
         let checksum = if is_bare {
             Checksum::Ignored
         } else {

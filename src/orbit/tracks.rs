@@ -15,7 +15,7 @@
 //! come from SGP4.
 
 use crate::StateVector;
-use crate::cone::{Cone, FASTEST_KM_S, Leeway, Moved};
+use crate::cone::{ClearUntil, Cone, FASTEST_KM_S, Moved};
 use crate::elements::{Elements, ModelError};
 use crate::sgp4_batch::{BLOCK, Batch, BlockStates, Level, Requested, Row};
 use hifitime::{Duration, Epoch};
@@ -81,7 +81,7 @@ pub trait Look: Sync {
 struct Watch {
     /// Middle of the segment, ns since 1900 TAI, or [`NEVER`].
     middle_ns: i64,
-    leeway: Leeway,
+    clear_until: ClearUntil,
 }
 
 /// A segment of a block's paths. The order of fields puts each row into one cache line.
@@ -185,7 +185,7 @@ impl Tracks {
         };
         (self.last, self.frame) = (Some(ns), self.frame.wrapping_add(1));
         self.batch.advance_to(t);
-        self.moved.on_to(look.cone(), ns);
+        self.moved.add_motion(look.cone(), ns);
         let blocks = self.batch.blocks();
         self.segments.resize(blocks, Segment::NONE);
         self.watches.resize(blocks, Watch::NONE);
@@ -210,7 +210,7 @@ impl Tracks {
                 for (i, states) in begun.into_iter().zip(states) {
                     segments[i].fit(states);
                     if !segments[i].is_calm {
-                        watches[i].leeway = Leeway::NONE;
+                        watches[i].clear_until = ClearUntil::NONE;
                     }
                 }
             }
@@ -260,7 +260,7 @@ impl<L: Look> WithSimd for Chunk<'_, L> {
         }
         for (i, watch) in self.watches.iter_mut().enumerate() {
             let holds = watch.holds(ns);
-            if holds && watch.leeway.lasts(moved, cone) {
+            if holds && watch.clear_until.lasts(moved, cone) {
                 continue;
             }
             let segment = &self.segments[i];
@@ -289,10 +289,10 @@ impl<L: Look> WithSimd for Chunk<'_, L> {
                 }
             }
             let any_inside = self.look.look(&places, self.found);
-            watch.leeway = if holds && segment.is_calm && !any_inside {
-                Leeway::of(&places.position_km, cone, 2.0 * BOUND_KM, moved)
+            watch.clear_until = if holds && segment.is_calm && !any_inside {
+                ClearUntil::of(&places.position_km, cone, 2.0 * BOUND_KM, moved)
             } else {
-                Leeway::NONE
+                ClearUntil::NONE
             };
         }
     }
@@ -309,7 +309,7 @@ impl Frame {
 impl Watch {
     const NONE: Watch = Watch {
         middle_ns: NEVER,
-        leeway: Leeway::NONE,
+        clear_until: ClearUntil::NONE,
     };
 
     /// Whether the segment contains an instant.

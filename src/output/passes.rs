@@ -82,8 +82,8 @@ impl Row {
             duration_s: (pass.exit.point.epoch - pass.entry.point.epoch).to_seconds(),
             // An empty `sum()` would be -0.
             lit_s: lit.map(seconds).fold(0.0, |sum, s| sum + s),
-            in_field_at_start: pass.begun_before,
-            in_field_at_end: pass.goes_on,
+            in_field_at_start: pass.in_field_at_start,
+            in_field_at_end: pass.in_field_at_end,
             spans: pass
                 .lit
                 .iter()

@@ -38,9 +38,9 @@ pub struct Pass {
     /// Intervals with and without light.
     pub lit: Vec<Lit>,
     /// Whether it is in the field at the start of the search.
-    pub begun_before: bool,
+    pub in_field_at_start: bool,
     /// Whether it is in the field at the end of the search.
-    pub goes_on: bool,
+    pub in_field_at_end: bool,
 }
 
 /// An object at an instant of its pass.
@@ -128,8 +128,8 @@ impl ObjectSearch<'_> {
             closest: (self.observer_track.epoch(closest_s), closest.range_m),
             rate_px_s: self.rate_px_s(nearest_s, [start, end])?,
             lit: self.lit(&seen, [start, end])?,
-            begun_before: start <= 0.0,
-            goes_on: end >= search.length_s(),
+            in_field_at_start: start <= 0.0,
+            in_field_at_end: end >= search.length_s(),
         }))
     }
 

@@ -61,7 +61,7 @@ pub(super) fn state(
 fn apogee_m(object: &Object, epoch: Epoch) -> f64 {
     /// m^3/s^2, WGS72.
     const MU: f64 = 3.986_008e14;
-    let set = object.sets().nth(object.number_at(epoch));
+    let set = object.sets().nth(object.set_index_at(epoch));
     // Kepler's third law: n^2 a^3 = mu
     set.map_or(f64::INFINITY, |set| {
         let rate = set.mean_motion / 60.0;

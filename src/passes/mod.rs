@@ -1,9 +1,9 @@
 //! Passes of objects through a camera's field, their times and brightness, without frames.
 //!
-//! The time span is divided into steps. In each step [`Population::before`] gives the objects that
-//! may be in the cone of the field. For each of these the step is bisected. A part is finished when
-//! the image, even at its highest speed, cannot reach the edge of the detector: the object is in
-//! the field or out of it throughout. Bisection ends at [`Search::shortest_s`], so every longer
+//! The time span is divided into steps. In each step [`Population::candidates`] gives the objects
+//! that may be in the cone of the field. For each of these the step is bisected. A part is finished
+//! when the image, even at its highest speed, cannot reach the edge of the detector: the object is
+//! in the field or out of it throughout. Bisection ends at [`Search::shortest_s`], so every longer
 //! pass is found, and shorter ones may be missed. A pass also begins or ends where the object's
 //! states do.
 
@@ -60,7 +60,8 @@ pub fn passes(
     corrections: &Corrections,
     tick: impl Fn(f64) + Sync,
 ) -> Result<Passes, NoPasses> {
-    let within = |search: &Search| through(search, flight, camera, population, corrections, &tick);
+    let within =
+        |search: &Search| search_part(search, flight, camera, population, corrections, &tick);
     let mut found = within(search);
     for step_s in GAP_STEPS_S {
         match &found {
@@ -90,7 +91,7 @@ pub fn passes(
 }
 
 /// The passes during a search with a pointing direction throughout.
-fn through(
+fn search_part(
     search: &Search,
     flight: &Flight,
     camera: &Camera,
@@ -202,7 +203,7 @@ fn candidates(
         let pointing = step.vehicle.attitude.then(&camera.mounting);
         let axis = pointing.matrix().transpose() * Vector3::z();
         let reach = cone + step.rate * (step.end_s - step.start_s) / 2.0;
-        let (near, errors) = population.before(&Cone {
+        let (near, errors) = population.candidates(&Cone {
             axis,
             angle: reach,
             sides: &[],

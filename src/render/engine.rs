@@ -3,7 +3,7 @@
 mod exposed;
 mod setup;
 
-pub use exposed::{ExposedFrame, FrameObserver, Opening};
+pub use exposed::{ExposedFrame, FrameInfo, FrameObserver};
 pub use setup::{Setup, Sky};
 
 use crate::attitude::VehicleState;
@@ -108,7 +108,7 @@ impl Emulator {
         // The slowest parts of the start, in parallel.
         let (stars, ()) = rayon::join(
             || StarField::new(Catalog::embedded(sky.selection), band, sky.colour),
-            || population.get_ready(),
+            || population.compute_tracks(),
         );
         let world = World {
             stars,
@@ -183,12 +183,12 @@ impl Emulator {
         vehicle: &VehicleState,
         repeat: u32,
     ) -> Result<ExposedFrame, Unobservable> {
-        self.expose_before(&(), &self.camera(), vehicle, repeat)
+        self.expose_observed(&(), &self.camera(), vehicle, repeat)
     }
 
     /// [`Emulator::expose`] with other settings of the camera and an `observer`. Fails with
     /// [`Unobservable::Abandoned`] once [`Emulator::abort`] is set.
-    pub fn expose_before(
+    pub fn expose_observed(
         &mut self,
         observer: &dyn FrameObserver,
         camera: &Arc<Camera>,
@@ -243,7 +243,7 @@ impl Emulator {
         if scene.view.limit.is_exceeded() {
             return Err(scene.view.too_much(self.limit_s(camera)?));
         }
-        observer.labelled(Opening {
+        observer.labelled(FrameInfo {
             number,
             json: json.clone(),
             exposure: scene.view.exposure,
@@ -430,7 +430,7 @@ mod tests {
     use crate::sky::Corrections;
     use crate::sky::catalog::Selection;
     use crate::sky::photometry::Sphere;
-    use crate::sky::population::{Looks, Population};
+    use crate::sky::population::{Appearances, Population};
     use skyloop_base::load::Folder;
 
     /// All cameras share one population and one starlight.
@@ -449,7 +449,11 @@ mod tests {
             seed: 1,
             label_snr: 1.0,
             sky,
-            population: Arc::new(Population::new(Vec::new(), Sphere::default(), Looks::new())),
+            population: Arc::new(Population::new(
+                Vec::new(),
+                Sphere::default(),
+                Appearances::new(),
+            )),
             rejected_records: 0,
         });
         let second = first.further_camera(&camera, 1);

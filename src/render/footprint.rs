@@ -94,7 +94,7 @@ impl<'a> SampleSquare<'a> {
             let first = range.start.max(0);
             first..range.end.min(size as i64).max(first)
         };
-        let samples = track.samples.iter().filter(|sample| sample.is_somewhere());
+        let samples = track.samples.iter().filter(|sample| sample.is_finite());
         let squares = samples.map(|sample| {
             let drawn = Drawn::around(sample.at, camera, fidelity, light);
             let columns = inside(&drawn.square[0], camera.detector.width);

@@ -244,7 +244,7 @@ fn fill(key: NoiseKey, effect: u8, base: usize, words: &mut [u32; BLOCK]) {
 #[inline(always)]
 fn normals_of(words: &[u32; BLOCK], normals: &mut [f32; BLOCK]) {
     for i in 0..BLOCK {
-        normals[i] = normal::square_left(normal::beyond(words[i]));
+        normals[i] = normal::one_minus_x2_scaled(normal::beyond(words[i]));
     }
     for normal in normals.iter_mut() {
         *normal = normal::to_middle(*normal);
@@ -254,10 +254,10 @@ fn normals_of(words: &[u32; BLOCK], normals: &mut [f32; BLOCK]) {
     }
     let groups = words.as_chunks::<{ rng::GROUP }>().0.iter();
     for (words, normals) in groups.zip(normals.as_chunks_mut::<{ rng::GROUP }>().0) {
-        let ends = words.iter().map(|word| normal::from_the_end(*word));
+        let ends = words.iter().map(|word| normal::distance_from_end(*word));
         if ends.fold(u32::MAX, u32::min) < normal::FAR {
             for i in 0..rng::GROUP {
-                if normal::from_the_end(words[i]) < normal::FAR {
+                if normal::distance_from_end(words[i]) < normal::FAR {
                     normals[i] = normal::far(words[i]);
                 }
             }

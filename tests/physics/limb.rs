@@ -127,7 +127,8 @@ fn with_its_air_the_day_side_keeps_its_albedo() {
                 }
                 let direction = -x * down - y * side;
                 let ground = disc.reflectance(&direction) * band.sun_irradiance();
-                let seen = ground * limb.ground_share(&direction) + limb.radiance(&direction);
+                let seen =
+                    ground * limb.ground_transmission(&direction) + limb.radiance(&direction);
                 let (ratio, name) = (seen / ground, band.name());
                 let is_met = (ratio - 1.0).abs() < max;
                 assert!(is_met, "{name} {sun_deg} {view_deg}: {ratio}");

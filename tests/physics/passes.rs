@@ -12,7 +12,7 @@ use skyloop::passes::{Pass, Passes, Search, passes};
 use skyloop::scene::Hidden;
 use skyloop::sky::bodies::Bodies;
 use skyloop::sky::photometry::Sphere;
-use skyloop::sky::population::Looks;
+use skyloop::sky::population::Appearances;
 use skyloop::sky::shadow::Earth;
 use skyloop::sky::{Corrections, Population};
 use skyloop_firmware_sim::profile::{Profile, orbit_of};
@@ -28,7 +28,7 @@ fn camera() -> Camera {
 }
 
 fn population(objects: Vec<Object>) -> Population {
-    Population::new(objects, Sphere::default(), Looks::new())
+    Population::new(objects, Sphere::default(), Appearances::new())
 }
 
 fn found(
@@ -94,7 +94,7 @@ fn passes_match_another_programs_brute_force() {
         // The minimum angle is flat: its instant is less well determined than its value.
         let off_s = after(pass.nearest.point.epoch) - number(&row, 7);
         assert!(off_s.abs() < 0.1, "{id}");
-        assert!(!pass.begun_before && !pass.goes_on, "{id}");
+        assert!(!pass.in_field_at_start && !pass.in_field_at_end, "{id}");
     }
     println!("s, s, px, deg, km, mag: {worst:?}");
     // Entry and exit are bisected to 1 ms, in which no image here moves 0.05 px.
@@ -235,11 +235,11 @@ fn a_straight_pass_matches_the_hand_calculation() {
     close(pass.entry.point.mag, 1.9548 + 0.0614 + 0.0294, 2e-3);
     assert_eq!(pass.lit.len(), 1);
     assert_eq!(pass.lit[0].hidden, None);
-    assert!(!pass.begun_before && !pass.goes_on);
+    assert!(!pass.in_field_at_start && !pass.in_field_at_end);
 
     // A search that begins and ends within the pass reports both.
     let pass = passed(&scene.search(-10.0, 12.5));
-    assert!(pass.begun_before && pass.goes_on);
+    assert!(pass.in_field_at_start && pass.in_field_at_end);
     close(after(pass.entry.point.epoch), -10.0, 1e-9);
     close(after(pass.exit.point.epoch), 12.5, 1e-9);
 }
@@ -349,12 +349,12 @@ fn a_pass_ends_where_states_end() {
         close(after(ended.exit.point.epoch), 16.3, 2.1e-3);
         // X-Val: by hand: 127.5 + 530.769 * 7 * 16.3 / 1000 px.
         close(ended.exit.position_px[0], 188.061, 1e-2);
-        assert!(!ended.goes_on && ended.brightest.is_some());
+        assert!(!ended.in_field_at_end && ended.brightest.is_some());
 
         let begun = pass_known_around(306.2, from_s);
         close(after(begun.entry.point.epoch), 6.2, 2.1e-3);
         close(after(begun.exit.point.epoch), 34.4513, 1.1e-3);
-        assert!(!begun.begun_before);
+        assert!(!begun.in_field_at_start);
     }
 }
 
@@ -412,7 +412,7 @@ fn decay_within_an_exposure_ends_the_pass_only() {
         let found = ten_seconds(&object, mid, 1e6);
         assert!(unknown(&found).contains("decayed"));
         let pass = the_one(found);
-        assert!(pass.begun_before && !pass.goes_on);
+        assert!(pass.in_field_at_start && !pass.in_field_at_end);
         close((pass.exit.point.epoch - mid).to_seconds(), margin_s, 2.1e-3);
     }
 }

@@ -14,7 +14,7 @@ use skyloop::sky::apparent::{Corrections, Observer};
 use skyloop::sky::bodies::Bodies;
 use skyloop::sky::field::Field;
 use skyloop::sky::photometry::Sphere;
-use skyloop::sky::population::{Look, Looks, Population};
+use skyloop::sky::population::{Appearance, Appearances, Population};
 use skyloop_firmware_sim::mission::Mission;
 use std::collections::BTreeSet;
 
@@ -35,7 +35,9 @@ fn scene() -> (Config, Mission) {
             ..Sphere::default()
         };
         let object = one.object();
-        config.looks.insert(object.id.clone(), Look::Sphere(sphere));
+        config
+            .looks
+            .insert(object.id.clone(), Appearance::Sphere(sphere));
         config.objects.push(object);
     }
     (config, mission)
@@ -119,7 +121,8 @@ fn tracks_and_the_scalar_sgp4_agree_from_far_away() {
                 ..Corrections::default()
             };
             let [tracked, scalar] = [Orbits::Tracked, Orbits::Scalar].map(|orbits| {
-                let population = Population::new(objects.clone(), Sphere::default(), Looks::new());
+                let population =
+                    Population::new(objects.clone(), Sphere::default(), Appearances::new());
                 population.in_field(&field, &corrections, orbits).objects
             });
             assert_eq!(tracked.len(), scalar.len());

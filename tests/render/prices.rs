@@ -9,7 +9,7 @@ const MIN_MS: f64 = 0.02;
 /// These effects only slow down tracks: their times are differences of much longer times.
 const ONLY_TRACKS: [&str; 2] = ["distortion", "vignetting"];
 /// Maximum factor between a price and the median of its frame.
-const MAX_OFF: f64 = 5.0;
+const MAX_RATIO: f64 = 5.0;
 /// Prices hold for an optimised build on a common core; this is the permitted range of the median.
 const MACHINES: std::ops::Range<f64> = 0.05..4.0;
 
@@ -54,7 +54,7 @@ fn timed_prices_agree_within_a_frame() {
             let off = ratio / median;
             let what = format!("{scene}, {effect}: {off:.2} of the others' {median:.2}");
             println!("{what}");
-            assert!((1.0 / MAX_OFF..=MAX_OFF).contains(&off), "{what}");
+            assert!((1.0 / MAX_RATIO..=MAX_RATIO).contains(&off), "{what}");
             seen.push(effect);
         }
     }

@@ -12,7 +12,7 @@ use crate::withheld::balance;
 use skyloop::config::Clock;
 use skyloop::link::open_all;
 use skyloop_protocols::apid::{PIXEL_BLOCK, STATUS};
-use skyloop_protocols::credit::PAID;
+use skyloop_protocols::credit::CREDITED_APIDS;
 use skyloop_protocols::packet::identify;
 use skyloop_protocols::{Challenge, Command, MAX_PACKET, Reason, Reply, WireTime};
 use std::time::{Duration, Instant};
@@ -204,7 +204,7 @@ fn queued_frames_are_removed_when_the_proof_lapses() {
     }
     muted.point(attitude(0), EPOCH);
     drop(emulator.exposed());
-    let is_of_frame = |packet: &[u8]| PAID.contains(&identify(packet).unwrap().0);
+    let is_of_frame = |packet: &[u8]| CREDITED_APIDS.contains(&identify(packet).unwrap().0);
     let begun = Instant::now();
     while begun.elapsed() < Duration::from_millis(2500) {
         let received = muted.line.recv(Duration::from_millis(50));
@@ -265,7 +265,7 @@ fn late_proofs_get_the_next_frames() {
         client.parcel();
         drop(emulator.exposed());
         let (stats, _) = emulator.measured();
-        let frame_counters = &stats.accounts[1].1;
+        let frame_counters = &stats.frame_counters[1].1;
         let withheld: Vec<_> = frame_counters.withheld.iter().collect();
         assert_eq!((frame_counters.delivered, withheld), (1, expected));
     }

@@ -66,7 +66,7 @@ fn status_reports_links_without_client_too_slow_or_unable_to_encode() {
             counters.frames_abandoned + counters.frames_dropped > 0
         });
         let (stats, _) = emulator.measured();
-        let frame_counters = &stats.accounts[0].1;
+        let frame_counters = &stats.frame_counters[0].1;
         assert!(
             frame_counters.withheld.contains_key(name),
             "{frame_counters:?}"

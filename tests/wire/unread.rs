@@ -59,7 +59,7 @@ fn blocked_clients_delay_the_other_link_once() {
             took < Duration::from_secs(8),
             "{cause} {command:?}: {took:?}"
         );
-        let frame_counters = &emulator.measured().0.accounts[1].1;
+        let frame_counters = &emulator.measured().0.frame_counters[1].1;
         assert!(
             frame_counters.withheld[cause] >= 5,
             "{command:?}: {frame_counters:?}"
@@ -103,7 +103,7 @@ fn timed_unread_fast_links_are_not_reported_as_slow() {
         client.point(attitude(0), EPOCH);
         std::thread::sleep(Duration::from_secs(4));
         let (stats, _) = emulator.measured();
-        let frame_counters = &stats.accounts[0].1;
+        let frame_counters = &stats.frame_counters[0].1;
         assert!(
             frame_counters.withheld["client does not read"] > 5,
             "{frame_counters:?}"

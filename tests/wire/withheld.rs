@@ -28,7 +28,7 @@ pub fn balance(
     links: &[Expected<'_>],
 ) -> Counters {
     let (stats, counters) = emulator.measured();
-    let found = &stats.accounts;
+    let found = &stats.frame_counters;
     assert_eq!(found.len(), links.len(), "{name}: {found:?}");
     for ((_, frame_counters), (delivered, withheld)) in found.iter().zip(links) {
         let expected = FrameCounters {
@@ -264,7 +264,7 @@ fn triggers_with_unfinished_frames_are_missed() {
             _ => {}
         }
         let (stats, counters) = emulator.measured();
-        let withheld: Vec<_> = stats.accounts[0].1.withheld.iter().collect();
+        let withheld: Vec<_> = stats.frame_counters[0].1.withheld.iter().collect();
         assert_eq!(withheld, [(&cause, &1)], "{clock:?}");
         counted(&counters, &[("triggers", 1), ("triggers_missed", 1)]);
     }
@@ -301,7 +301,7 @@ fn requests_are_exposures_if_a_clock_gives_the_frames() {
             let requested =
                 counters.frames_delivered + counters.frames_abandoned + counters.exposures_missed;
             assert!(requested > 10, "{counters:?}");
-            for (link, frame_counters) in &stats.accounts {
+            for (link, frame_counters) in &stats.frame_counters {
                 let sum =
                     frame_counters.delivered + frame_counters.withheld.values().sum::<usize>();
                 let case = format!("{clock:?} {link}: {frame_counters:?} {counters:?}");
@@ -311,7 +311,7 @@ fn requests_are_exposures_if_a_clock_gives_the_frames() {
                     "{case}"
                 );
             }
-            let of_silent = &stats.accounts[1].1;
+            let of_silent = &stats.frame_counters[1].1;
             let has_no_client = of_silent.withheld.contains_key("no client");
             assert_eq!(has_no_client, silent, "{clock:?}: {of_silent:?}");
             assert!(!silent || of_silent.delivered == 0);
@@ -401,7 +401,7 @@ fn frames_for_a_closed_client_are_counted_as_client_gone() {
             is_over && is_reported
         });
         let (stats, counters) = emulator.measured();
-        let frame_counters = &stats.accounts[0].1;
+        let frame_counters = &stats.frame_counters[0].1;
         let requested = last as usize + 1;
         assert_eq!(frame_counters.requested, requested, "{url}");
         assert!(

@@ -28,7 +28,7 @@ pub struct ControlTelemetry {
     /// Start of the drift, s after the mission's start.
     begun_s: f64,
     /// Time of the last error sample, s after the start of the drift.
-    flown_s: f64,
+    since_drift_start_s: f64,
     /// Largest error of the body, rad.
     pub worst_rad: f64,
     errors: Series,
@@ -54,10 +54,12 @@ impl ControlTelemetry {
     }
 
     pub(super) fn add_error(&mut self, at_s: f64, error: Vector3<f64>) {
-        self.flown_s = (at_s - self.begun_s).max(0.0);
+        self.since_drift_start_s = (at_s - self.begun_s).max(0.0);
         self.worst_rad = self.worst_rad.max(error.norm());
-        self.errors.add(self.flown_s, error.norm_squared());
-        self.across.add(self.flown_s, error.xy().norm_squared());
+        self.errors
+            .add(self.since_drift_start_s, error.norm_squared());
+        self.across
+            .add(self.since_drift_start_s, error.xy().norm_squared());
     }
 
     /// Adds a frame, with the body's error in the middle of its exposure if that is known.
@@ -80,13 +82,13 @@ impl ControlTelemetry {
     /// Rms of the body's error over the last half of the flight, rad; `None` before the drift.
     #[must_use]
     pub fn rms_rad(&self) -> Option<f64> {
-        self.errors.rms_from(self.flown_s / 2.0)
+        self.errors.rms_from(self.since_drift_start_s / 2.0)
     }
 
     /// Rms error of the boresight (+Z) alone, without the roll about it, rad.
     #[must_use]
-    pub(crate) fn across_rms_rad(&self) -> Option<f64> {
-        self.across.rms_from(self.flown_s / 2.0)
+    pub(crate) fn boresight_rms_rad(&self) -> Option<f64> {
+        self.across.rms_from(self.since_drift_start_s / 2.0)
     }
 
     /// Rms of the difference between estimated and true errors, rad; `None` without any.
@@ -99,7 +101,7 @@ impl ControlTelemetry {
     /// Error that the drift alone would have caused, rad.
     #[must_use]
     pub fn drifted_rad(&self) -> f64 {
-        self.drift_rad_s * self.flown_s
+        self.drift_rad_s * self.since_drift_start_s
     }
 }
 
@@ -110,10 +112,10 @@ impl fmt::Display for ControlTelemetry {
             starless,
             late,
             reference_stars,
-            flown_s,
+            since_drift_start_s,
             ..
         } = self;
-        let (Some(rms), Some(across)) = (self.rms_rad(), self.across_rms_rad()) else {
+        let (Some(rms), Some(across)) = (self.rms_rad(), self.boresight_rms_rad()) else {
             return writeln!(
                 f,
                 "closed loop      not begun: none of {starless} frames had {MIN_STARS} stars; expose longer, or hold \
@@ -125,7 +127,7 @@ impl fmt::Display for ControlTelemetry {
         write!(
             f,
             "closed loop      pointing error rms {rms:.2} arcsec over the last half ({across:.2} across the boresight), \
-             worst {worst:.2}; the drift alone makes {drifted:.1} in {flown_s:.1} s\n\
+             worst {worst:.2}; the drift alone makes {drifted:.1} in {since_drift_start_s:.1} s\n\
              steered by       {used} frames, {starless} without enough stars, {late} late"
         )?;
         let ms = |fraction| Some(self.latencies.quantile(fraction)?.as_secs_f64() * 1e3);

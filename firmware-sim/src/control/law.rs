@@ -76,7 +76,7 @@ impl Law {
 
     /// The latest measured error, rad, body axes.
     #[must_use]
-    pub(crate) fn expected(&self) -> Vector3<f64> {
+    pub(crate) fn latest_error_rad(&self) -> Vector3<f64> {
         self.latest.map_or(Vector3::zeros(), |(_, error)| error)
     }
 }

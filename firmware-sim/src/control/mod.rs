@@ -126,7 +126,7 @@ impl Control {
             return;
         }
         let pinhole = Pinhole::centred(self.settings.focal_px, exposed.size);
-        let guess = self.law.expected();
+        let guess = self.law.latest_error_rad();
         let Some(estimate) = estimate(&pinhole, &self.reference, &stars, guess) else {
             self.telemetry.starless += 1;
             return;
@@ -279,7 +279,7 @@ mod tests {
             // arcsec across the boresight. Stars are 0.04 rad from the middle on average, so roll
             // is 25 times worse.
             assert!(telemetry.drifted_rad() * ARCSEC > 4200.0);
-            let across = telemetry.across_rms_rad().unwrap() * ARCSEC;
+            let across = telemetry.boresight_rms_rad().unwrap() * ARCSEC;
             assert!(across < 2.0, "{across}");
             assert!(rms < 20.0 && off < 20.0, "{rms} {off}");
             assert!(worst < 72.0 * 3.0 * (late_s + 0.15) + 20.0, "{worst}");

@@ -110,7 +110,7 @@ impl FlightComputer {
 
     /// Receives frames without analysing pixels or labels: for measurements of the emulator.
     #[must_use]
-    pub fn taking_only(self) -> Self {
+    pub fn without_detection(self) -> Self {
         Self {
             detector: None,
             ..self
@@ -125,7 +125,7 @@ impl FlightComputer {
 
     /// Sets the wall-clock time of the mission's start; none: the first attitude's send time.
     #[must_use]
-    pub fn with_zero(self, zero: Option<Instant>) -> Self {
+    pub fn with_start_instant(self, zero: Option<Instant>) -> Self {
         Self { zero, ..self }
     }
 
@@ -294,7 +294,7 @@ impl FlightComputer {
         let sequence = frame.header.attitude_sequence;
         let mut sent = self.sent.iter().rev();
         let sent = sent.find(|(number, _)| *number == sequence);
-        let latency = sent.map(|(_, at)| frame.last_block.saturating_duration_since(*at));
+        let latency = sent.map(|(_, at)| frame.last_data_at.saturating_duration_since(*at));
         self.report.frames += 1;
         if !self.warned
             && let Some(cause) = self.links.misplaced()
@@ -402,7 +402,7 @@ impl FlightComputer {
     fn note(&mut self, incoming: Incoming, watch: &mut Watch<'_>) -> ControlFlow<()> {
         match incoming {
             Incoming::Nack(nack) => return self.note_nack(nack, watch),
-            Incoming::Useless(error) => return watch(Event::Problem(error.to_string())),
+            Incoming::Unusable(error) => return watch(Event::Problem(error.to_string())),
             Incoming::Status(status) => self.report.status = Some(*status),
             Incoming::Frame(_) => self.report.late += 1,
             Incoming::Ack(_) | Incoming::Damaged(_) | Incoming::Other => {}

@@ -147,7 +147,7 @@ impl FlightComputer {
                 self.report.recovery.refused += 1;
                 ControlFlow::Continue(())
             }
-            Incoming::Useless(error) if error.is_damaged_frame() => {
+            Incoming::Unusable(error) if error.is_damaged_frame() => {
                 let flow = self.lose(sequence, Loss::Damaged(error), watch);
                 return Ok(ControlFlow::Break(flow));
             }

@@ -92,7 +92,7 @@ impl FlightComputer {
                 self.links.recycle(*frame);
                 flow
             }
-            Some(Incoming::Useless(error)) if error.is_damaged_frame() => {
+            Some(Incoming::Unusable(error)) if error.is_damaged_frame() => {
                 self.lose(self.last_sent(), Loss::Damaged(error), watch)
             }
             Some(other) => self.note(other, watch),

@@ -32,7 +32,7 @@ pub(super) struct Partial {
     ends: Arrivals,
     pixel_bytes: u64,
     header_at: Instant,
-    last_block: Instant,
+    last_data_at: Instant,
     /// Arrival time of the current packet.
     now: Instant,
     /// A gap not requested yet: when it was found, and the number after that of the highest packet
@@ -88,7 +88,7 @@ impl Partial {
             ends: Arrivals::of(1),
             pixel_bytes: 0,
             header_at: now,
-            last_block: now,
+            last_data_at: now,
             now,
             gap: None,
             unavailable: false,
@@ -162,7 +162,7 @@ impl Partial {
             Some(false) if place(self) => {
                 self.pixel_bytes += data.len() as u64;
                 counts.add(&self.blocks.record(index as usize));
-                self.last_block = self.now;
+                self.last_data_at = self.now;
             }
             _ => return Err(refused),
         }
@@ -237,7 +237,7 @@ impl Partial {
                 target.copy_from_slice(bytes);
                 counts.add(&self.parts.record(part));
                 if self.header.blocks == 0 {
-                    self.last_block = self.now;
+                    self.last_data_at = self.now;
                 }
             }
             _ => return Err(refused),
@@ -369,8 +369,8 @@ impl Partial {
             content,
             pixel_bytes: self.pixel_bytes,
             header_at: self.header_at,
-            last_block: self.last_block,
-            whole_at: self.now,
+            last_data_at: self.last_data_at,
+            completed_at: self.now,
             sealed_labels: self.labels,
         })
     }

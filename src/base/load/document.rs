@@ -147,8 +147,8 @@ pub(super) fn rename(document: &mut DeTable<'_>, key: &str, meant: &str) -> bool
 }
 
 /// A value without spans, so that they are not taken for positions in another text.
-pub(super) fn placeless<'i>(value: &DeValue<'i>) -> DeValue<'i> {
-    let spanned = |value: &Spanned<DeValue<'i>>| Spanned::new(0..0, placeless(value.get_ref()));
+pub(super) fn without_spans<'i>(value: &DeValue<'i>) -> DeValue<'i> {
+    let spanned = |value: &Spanned<DeValue<'i>>| Spanned::new(0..0, without_spans(value.get_ref()));
     match value {
         DeValue::Array(values) => DeValue::Array(values.iter().map(spanned).collect()),
         DeValue::Table(table) => {

@@ -133,7 +133,7 @@ pub fn shared_names(objects: &[Object]) -> BTreeMap<String, usize> {
 }
 
 /// Reports the names that several objects share, if any.
-pub fn of_one_name(shared: &BTreeMap<String, usize>) -> Option<String> {
+pub fn report_shared_names(shared: &BTreeMap<String, usize>) -> Option<String> {
     let named = shared.iter().take(NAMED);
     let named = named.map(|(name, count)| format!("{name}: {count}"));
     let more = (shared.len() > NAMED).then(|| "...".to_string());

@@ -7,8 +7,8 @@
 
 use super::check::Check;
 use super::document::{
-    as_entry, each_leaf, key_in, matches, parent, placeless, remove_at, rename, set, span_of,
-    value_at, within, without_indices,
+    as_entry, each_leaf, key_in, matches, parent, remove_at, rename, set, span_of, value_at,
+    within, without_indices, without_spans,
 };
 use super::error::{ConfigError, MAX_FAULTS};
 use super::limits::{self, Allowed, Limit};
@@ -66,7 +66,7 @@ pub fn read_noticed<Raw: DeserializeOwned + JsonSchema, T>(
         faults: Vec::new(),
         repaired: Vec::new(),
         meant_keys: Vec::new(),
-        misread: Vec::new(),
+        tables_with_unknown_keys: Vec::new(),
     };
     for _ in 0..MAX_READS {
         let check = Check::of(file);
@@ -121,7 +121,7 @@ struct Report<'a> {
     /// Corrected names of misspelt keys, which the file does not have.
     meant_keys: Vec<String>,
     /// Tables with unknown keys, which may be misspelt forms of missing keys.
-    misread: Vec<String>,
+    tables_with_unknown_keys: Vec<String>,
 }
 
 impl Report<'_> {
@@ -182,7 +182,7 @@ impl Report<'_> {
                 rename(self.document.get_mut(), &repaired_key, meant)
             });
             if !renamed && unknown.is_some() {
-                self.misread.push(parent(key).to_string());
+                self.tables_with_unknown_keys.push(parent(key).to_string());
             }
             self.faults.push(fault);
             if self.faults.len() == MAX_FAULTS {
@@ -206,13 +206,21 @@ impl Report<'_> {
     fn follows(&self, key: &str, error: &ConfigError) -> bool {
         let is_misread = |need: &String| {
             let is_missing = value_at(self.original.get_ref(), need, false).is_none();
-            is_missing && self.misread.iter().any(|table| table == parent(need))
+            is_missing
+                && self
+                    .tables_with_unknown_keys
+                    .iter()
+                    .any(|table| table == parent(need))
         };
         let needs = match error {
             ConfigError::Rule { needs, .. } => needs.as_slice(),
             _ => &[],
         };
-        let is_of_misread = !key.is_empty() && self.misread.iter().any(|table| table == key);
+        let is_of_misread = !key.is_empty()
+            && self
+                .tables_with_unknown_keys
+                .iter()
+                .any(|table| table == key);
         let lacks_more = is_of_misread && !error.is_of_value();
         // A fault that names a guessed key follows from the guess: the file lacks that key.
         let message = error.to_string();
@@ -284,7 +292,7 @@ impl Report<'_> {
             spare.filter(|_| is_value || is_missing)
         };
         let value = value_at(example, key, true).or_else(spare)?;
-        Some(placeless(value.get_ref()))
+        Some(without_spans(value.get_ref()))
     }
 
     /// Adds unreported values beyond their limits.

@@ -17,7 +17,7 @@
 /// half's end.
 #[inline(always)]
 pub fn uniform_of(word: u32) -> f64 {
-    let beyond = (f64::from(from_the_end(word) as i32) + 0.5) * (1.0 / 4_294_967_296.0);
+    let beyond = (f64::from(distance_from_end(word) as i32) + 0.5) * (1.0 / 4_294_967_296.0);
     if (word as i32) < 0 {
         1.0 - beyond
     } else {
@@ -27,7 +27,7 @@ pub fn uniform_of(word: u32) -> f64 {
 
 /// [`uniform_of`] in single precision, within 1e-7.
 #[inline(always)]
-pub fn uniform_quickly(word: u32) -> f32 {
+pub fn uniform_f32(word: u32) -> f32 {
     let beyond = beyond(word) * (1.0 / ALL);
     if (word as i32) < 0 {
         1.0 - beyond
@@ -41,7 +41,7 @@ pub const FAR: u32 = 979_349;
 
 /// Number of words between this one and the end of its half.
 #[inline(always)]
-pub fn from_the_end(word: u32) -> u32 {
+pub fn distance_from_end(word: u32) -> u32 {
     word & 0x7FFF_FFFF
 }
 
@@ -50,11 +50,11 @@ const ALL: f32 = 4_294_967_296.0;
 
 /// `2^62 (1 - x^2)` of a word, from the number of words [`beyond`] it.
 #[inline(always)]
-pub fn square_left(beyond: f32) -> f32 {
+pub fn one_minus_x2_scaled(beyond: f32) -> f32 {
     beyond * (ALL - beyond)
 }
 
-/// Distance of `w` from the middle of its near range, `3.5 - w`, from [`square_left`].
+/// Distance of `w` from the middle of its near range, `3.5 - w`, from [`one_minus_x2_scaled`].
 #[inline(always)]
 pub fn to_middle(left: f32) -> f32 {
     3.5 + ln_over_62(left)
@@ -80,10 +80,10 @@ fn ln_over_62(y: f32) -> f32 {
     (exponent as f32).mul_add(std::f32::consts::LN_2, poly)
 }
 
-/// [`from_the_end`] of a word that is not far, in single precision.
+/// [`distance_from_end`] of a word that is not far, in single precision.
 #[inline(always)]
 pub fn beyond(word: u32) -> f32 {
-    from_the_end(word) as i32 as f32
+    distance_from_end(word) as i32 as f32
 }
 
 /// The draw of a word that is not far, from [`to_middle`].
@@ -102,7 +102,7 @@ pub fn near(word: u32, v: f32) -> f32 {
 #[inline(always)]
 pub fn far(word: u32) -> f32 {
     let beyond = beyond(word) + 0.5;
-    let (x, v) = (x_of(beyond), to_middle(square_left(beyond)));
+    let (x, v) = (x_of(beyond), to_middle(one_minus_x2_scaled(beyond)));
     let s = (3.5 - v).sqrt() - 3.7;
     let poly = 5.002_178_7
         + s * (1.426_152_8
@@ -122,9 +122,9 @@ fn signed(z: f32, word: u32) -> f32 {
 /// (0, 1), except for errors of the last digit, and of up to 8.3e-6 where the polynomials meet.
 #[inline(always)]
 pub fn normal(word: u32) -> f32 {
-    if from_the_end(word) < FAR {
+    if distance_from_end(word) < FAR {
         far(word)
     } else {
-        near(word, to_middle(square_left(beyond(word))))
+        near(word, to_middle(one_minus_x2_scaled(beyond(word))))
     }
 }

@@ -90,7 +90,7 @@ pub fn inverse_root(x: f32) -> f32 {
 /// `exp(-mean)` for means below 16, within 1e-14: `2^n exp(r)`, `|r| <= ln(2) / 2`, and the
 /// exponential series.
 #[inline(always)]
-pub fn none(mean: f64) -> f64 {
+pub fn exp_minus(mean: f64) -> f64 {
     // A number added to 1.5 * 2^52 is rounded, and its last bits are the integer.
     const ROUND: f64 = 6_755_399_441_055_744.0;
     // Two parts, the first with 32 bits.
@@ -107,9 +107,9 @@ pub fn none(mean: f64) -> f64 {
     f64::from_bits(series.to_bits().wrapping_add(rounded.to_bits() << 52))
 }
 
-/// [`none`] in single precision, within 5e-7 (relative).
+/// [`exp_minus`] in single precision, within 5e-7 (relative).
 #[inline(always)]
-pub fn none_quickly(mean: f32) -> f32 {
+pub fn exp_minus_f32(mean: f32) -> f32 {
     // A number added to 1.5 * 2^23 is rounded, and its last bits are the integer.
     const ROUND: f32 = 12_582_912.0;
     // Two parts, the first with 10 bits.
@@ -138,7 +138,7 @@ pub const INVERSE: [f64; MAX] = {
 };
 
 /// `1 / (k + 1)` in single precision.
-pub const INVERSE_QUICKLY: [f32; MAX] = {
+pub const INVERSE_OF_NEXT: [f32; MAX] = {
     let mut inverse = [0.0; MAX];
     let mut k = 0;
     while k < MAX {
@@ -181,7 +181,7 @@ pub fn poisson(mean: f32, word: u32, switch: Switch) -> f32 {
         return from_below(mean, word);
     }
     let (u, mean) = (uniform_of(word), f64::from(mean));
-    let mut probability = none(mean);
+    let mut probability = exp_minus(mean);
     let mut cumulative = probability;
     let mut k = 0;
     while u >= cumulative && k + 1 < MAX {

@@ -38,7 +38,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
 pub fn report(camera: &Camera, notices: Vec<String>, json: bool) -> serde_json::Result<String> {
     let sensitivity = Sensitivity::of(camera);
     let mut warnings = notices;
-    warnings.extend(doubts(&sensitivity));
+    warnings.extend(unusual_values(&sensitivity));
     let report = Report {
         camera: camera.name.clone(),
         sensitivity,
@@ -52,25 +52,25 @@ pub fn report(camera: &Camera, notices: Vec<String>, json: bool) -> serde_json::
 }
 
 /// Warnings about values that are unusual for a star tracker.
-fn doubts(found: &Sensitivity) -> Vec<String> {
-    let mut doubts = Vec::new();
+fn unusual_values(found: &Sensitivity) -> Vec<String> {
+    let mut unusual_values = Vec::new();
     match (found.limiting_mag, found.stars_per_frame) {
-        (None, _) if found.saturation_mag.is_some() => doubts.push(format!(
+        (None, _) if found.saturation_mag.is_some() => unusual_values.push(format!(
             "no star reaches SNR {LIMIT_SNR} before it saturates: no limiting magnitude; check full_well_e, read_noise_e and gain_e_per_dn"
         )),
-        (None, _) => doubts.push(
+        (None, _) => unusual_values.push(
             "no star can be seen: dark charge and sky fill every pixel, or no light passes"
                 .to_string(),
         ),
-        (Some(limit), Some(stars)) if limit < CATALOGUE_MAG && stars < FEW_STARS => doubts.push(format!(
+        (Some(limit), Some(stars)) if limit < CATALOGUE_MAG && stars < FEW_STARS => unusual_values.push(format!(
             "{stars:.1} stars a frame: most attitude determination needs {FEW_STARS}; widen the field, or gather more light"
         )),
-        (Some(limit), _) if limit > CATALOGUE_MAG => doubts.push(format!(
+        (Some(limit), _) if limit > CATALOGUE_MAG => unusual_values.push(format!(
             "stars fainter than about V {CATALOGUE_MAG} are missing in the embedded catalogue: frames show fewer than this camera would see"
         )),
         _ => {}
     }
-    doubts
+    unusual_values
 }
 
 impl Report {

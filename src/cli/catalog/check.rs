@@ -7,7 +7,7 @@ use clap::Args as ClapArgs;
 use hifitime::Epoch;
 use serde::Serialize;
 use skyloop::effect::counted;
-use skyloop::load::orbits::{of_one_name, passed_over, shared_names};
+use skyloop::load::orbits::{passed_over, report_shared_names, shared_names};
 use skyloop::orbit::time::utc_text;
 use skyloop::orbit::{
     self, Contents, Object, Orbit, Record, Rejected, United, is_placeholder, path_text, places,
@@ -138,7 +138,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         let lines = [
             passed_over(&report.passed_over),
             total,
-            of_one_name(&report.shared_names),
+            report_shared_names(&report.shared_names),
         ];
         for line in lines.into_iter().flatten() {
             say(format_args!("{line}\n"))?;

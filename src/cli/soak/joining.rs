@@ -1,7 +1,7 @@
 //! Matches the departures and arrivals of a soak's frames by camera and number.
 
 use skyloop::host::Memory;
-use skyloop::serve::Left;
+use skyloop::serve::SentFrame;
 use skyloop::soak::Camera;
 use skyloop::timing::FrameTimes;
 use std::collections::BTreeMap;
@@ -21,7 +21,7 @@ pub type Arrival = (usize, u32, Instant);
 #[derive(Default)]
 pub struct Joining {
     /// Departures without arrival, and arrivals without departure, by camera and number.
-    in_flight: BTreeMap<(usize, u32), (Left, Instant)>,
+    in_flight: BTreeMap<(usize, u32), (SentFrame, Instant)>,
     early_arrivals: BTreeMap<(usize, u32), Instant>,
     cameras: Vec<Camera>,
     begin: Option<Instant>,
@@ -46,7 +46,7 @@ impl Joining {
     }
 
     /// Joins until all senders have ended.
-    pub fn join(&mut self, left: Receiver<(usize, Left)>, arrivals: Receiver<Arrival>) {
+    pub fn join(&mut self, left: Receiver<(usize, SentFrame)>, arrivals: Receiver<Arrival>) {
         let begin = *self.begin.get_or_insert_with(Instant::now);
         for (camera, departure) in left {
             let frame = departure.times.frame;
@@ -69,7 +69,7 @@ impl Joining {
         }
     }
 
-    fn left(&mut self, camera: usize, departure: Left, now: Instant) {
+    fn left(&mut self, camera: usize, departure: SentFrame, now: Instant) {
         let key = (camera, departure.times.frame);
         match self.early_arrivals.remove(&key) {
             Some(at) => self.record(camera, &departure, at),
@@ -103,7 +103,7 @@ impl Joining {
     }
 
     /// Records the frames in flight that `is_lost` selects.
-    fn lose(&mut self, is_lost: impl Fn(&Left, Instant) -> bool) {
+    fn lose(&mut self, is_lost: impl Fn(&SentFrame, Instant) -> bool) {
         let cameras = &mut self.cameras;
         self.in_flight.retain(|(camera, frame), (departure, left)| {
             let is_lost = is_lost(departure, *left);
@@ -123,7 +123,7 @@ impl Joining {
         }
     }
 
-    fn record(&mut self, camera: usize, departure: &Left, at: Instant) {
+    fn record(&mut self, camera: usize, departure: &SentFrame, at: Instant) {
         let times = (departure.times).ended(departure.trigger, departure.deadline, at);
         self.add(camera, &times);
         if let (Some(begin), Some(exposure)) = (self.begin, departure.exposure)
@@ -167,8 +167,8 @@ mod tests {
 
     const PERIOD: Duration = Duration::from_millis(100);
 
-    fn left(frame: u32, trigger: Instant, deadline: Instant) -> Left {
-        Left {
+    fn left(frame: u32, trigger: Instant, deadline: Instant) -> SentFrame {
+        SentFrame {
             times: FrameTimes {
                 whole: true,
                 ..FrameTimes::incomplete(frame)

@@ -7,7 +7,7 @@ use crate::cli::session::{Cameras, Links};
 use anyhow::bail;
 use skyloop::config::Config;
 use skyloop::link::{self, Roles};
-use skyloop::serve::{Ended, Left, OnLeft, Server};
+use skyloop::serve::{Ended, OnFrameSent, SentFrame, Server};
 use skyloop::soak::{Camera, Drift, Limits, Measured};
 use skyloop::stats::RunStats;
 use skyloop_firmware_sim::event::Event;
@@ -59,7 +59,7 @@ pub struct LiveRun<'a> {
 }
 
 /// Results of a run.
-pub struct Flown {
+pub struct RunResults {
     joining: Joining,
     begin: Instant,
     ended: Instant,
@@ -92,7 +92,7 @@ impl LiveRun<'_> {
         cameras: Cameras,
         ports: Vec<ClientEnd>,
         mission: Mission,
-    ) -> anyhow::Result<Flown> {
+    ) -> anyhow::Result<RunResults> {
         let mut servers: Vec<Server> = once(cameras.first).chain(cameras.further).collect();
         let left = observe(&mut servers);
         let (arrived, arrivals) = channel();
@@ -135,7 +135,7 @@ impl LiveRun<'_> {
         if let Some(error) = errors.into_iter().flatten().next() {
             return Err(anyhow::Error::from(error).context("the client of the run"));
         }
-        Ok(Flown {
+        Ok(RunResults {
             joining,
             begin: self.begin,
             ended: *self.ended.get_or_init(Instant::now),
@@ -144,7 +144,7 @@ impl LiveRun<'_> {
     }
 
     /// Joins departures and arrivals until their senders have ended.
-    fn join(&self, left: Receiver<(usize, Left)>, arrivals: Receiver<Arrival>) -> Joining {
+    fn join(&self, left: Receiver<(usize, SentFrame)>, arrivals: Receiver<Arrival>) -> Joining {
         let cameras = self.config.cameras.iter().map(|head| &head.name);
         let cameras = once(&self.config.camera.name)
             .chain(cameras)
@@ -173,9 +173,9 @@ impl LiveRun<'_> {
         client: FlightComputer,
         arrived: Sender<Arrival>,
     ) -> Option<RunError> {
-        let run = client.taking_only().run(|event| {
+        let run = client.without_detection().run(|event| {
             if let Event::Frame { frame, .. } = &event {
-                let _ = arrived.send((camera, frame.header.frame, frame.whole_at));
+                let _ = arrived.send((camera, frame.header.frame, frame.completed_at));
             }
             if !self.is_over() {
                 return ControlFlow::Continue(());
@@ -195,11 +195,11 @@ impl LiveRun<'_> {
 }
 
 /// Makes each server report the frames that it has sent.
-fn observe(servers: &mut [Server]) -> Receiver<(usize, Left)> {
+fn observe(servers: &mut [Server]) -> Receiver<(usize, SentFrame)> {
     let (sender, left) = channel();
     for (camera, server) in servers.iter_mut().enumerate() {
         let sender = sender.clone();
-        let on_left: OnLeft = Box::new(move |left| {
+        let on_left: OnFrameSent = Box::new(move |left| {
             // The receiver outlives the senders.
             let _ = sender.send((camera, *left));
         });
@@ -221,7 +221,7 @@ fn clients(ports: Vec<ClientEnd>, mission: Mission) -> Vec<FlightComputer> {
         .collect()
 }
 
-impl Flown {
+impl RunResults {
     /// Duration of the run.
     pub fn minutes(&self) -> f64 {
         self.ended.duration_since(self.begin).as_secs_f64() / 60.0

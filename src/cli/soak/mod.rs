@@ -50,12 +50,12 @@ fn soak(args: &Args, outputs: &mut Outputs) -> anyhow::Result<()> {
     let mission = mission(&config, file)?;
     let first = flight::vehicle(&mission, 0)?;
     let mission = endless(mission, rate_hz)?;
-    let help = live::help(&config, args.metrics.as_deref())?;
+    let services = live::services(&config, args.metrics.as_deref())?;
     let session = Session::new(config);
     let (links, ports) = open_links(&args.link, &session.config)?;
-    let (config, cameras) = session.live(links, Some(&first), &help)?;
+    let (config, cameras) = session.live(links, Some(&first), &services)?;
     say(format_args!(
-        "{help}{} ({} x {}) at {} Hz over {} for {} min\n",
+        "{services}{} ({} x {}) at {} Hz over {} for {} min\n",
         config.camera.name,
         config.camera.detector.width,
         config.camera.detector.height,
@@ -79,7 +79,7 @@ fn soak(args: &Args, outputs: &mut Outputs) -> anyhow::Result<()> {
         args.limits(),
         flown.measured(&config, started, stopped),
         Host::now().since(&host),
-        help.granted,
+        services.granted,
         counts,
     );
     let rate = format!("{reached_hz:.1} a second, of {rate_hz} requested");

@@ -418,7 +418,7 @@ impl TxPath<'_> {
             match permit {
                 Permit::All(to) => return Ok((rest, to)),
                 Permit::One(to) => return Ok((rest.get(..1).unwrap_or(rest), to)),
-                Permit::Never if self.shared.exchange.borrow().stands_as(exchange) => {
+                Permit::Never if self.shared.exchange.borrow().is_current(exchange) => {
                     return Err(Unsent::NotProved);
                 }
                 Permit::Never => return Err(Unsent::ClientGone),

@@ -1,7 +1,7 @@
 //! The client of a UDP link: one at a time.
 
 use super::proof::{Party, Proof, Prover};
-use crate::every::Every;
+use crate::every::LogRateLimit;
 use crate::kind::Options;
 use crate::tally::{Tally, count, is_of_frame};
 use std::net::SocketAddr;
@@ -18,7 +18,7 @@ pub(super) struct Exchange {
     prover: Prover,
     /// A Challenge for another address than the client's. It is sent before any other.
     for_other: Option<(SocketAddr, Vec<u8>)>,
-    strangers: Every,
+    strangers: LogRateLimit,
     options: Options,
     pub tally: Arc<Tally>,
 }
@@ -67,7 +67,7 @@ impl Exchange {
             client: None,
             prover: Prover::new(proves, options.idle),
             for_other: None,
-            strangers: Every::default(),
+            strangers: LogRateLimit::default(),
             options,
             tally,
         }
@@ -204,7 +204,7 @@ impl Exchange {
     }
 
     /// Whether `number` is the present exchange with a client.
-    pub fn stands_as(&self, number: u32) -> bool {
+    pub fn is_current(&self, number: u32) -> bool {
         number == self.number && self.client.is_some()
     }
 

@@ -4,7 +4,7 @@ use super::delivery::{Delivery, Progress};
 use super::exchange::Exchange;
 use super::reasons::{name, not_reached};
 use super::report_log::ReportLog;
-use super::telemetry::{Left, add};
+use super::telemetry::{SentFrame, add};
 use crate::metrics::Snapshot;
 use crate::stats::{FrameCounters, Pending};
 use crate::timing::Latencies;
@@ -39,9 +39,9 @@ pub(super) struct Channel {
     pub frames: FrameCounters,
     pub latencies: Latencies,
     /// The last frame that was sent completely.
-    pub last: Option<Left>,
+    pub last: Option<SentFrame>,
     /// The last frame, complete or not.
-    pub latest: Option<Left>,
+    pub latest: Option<SentFrame>,
     pub report_log: ReportLog,
     pub flow: Flow,
     pub superseded: Superseded,
@@ -323,7 +323,7 @@ impl Channel {
         let mut snapshot = Snapshot::of(&self.latencies);
         (snapshot.requested, snapshot.delivered) = (frames.requested, frames.delivered);
         snapshot.withheld = frames.withheld.into_iter().collect();
-        if let Some(Left {
+        if let Some(SentFrame {
             times, exposure, ..
         }) = &self.latest
         {

@@ -157,7 +157,7 @@ impl Client {
     }
 
     /// Accepts an attitude; returns whether one with a later time was accepted before.
-    pub fn latch(
+    pub fn accept_attitude(
         &mut self,
         vehicle: VehicleState,
         header: Header,

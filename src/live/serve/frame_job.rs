@@ -8,7 +8,7 @@ use crate::stats::Request;
 use crate::timing::spare_s;
 use crc32fast::Hasher;
 use skyloop_protocols::{FrameEnd, Overrun, Timing};
-use skyloop_render::engine::{ExposedFrame, Opening};
+use skyloop_render::engine::{ExposedFrame, FrameInfo};
 use std::collections::BTreeMap;
 use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
@@ -31,7 +31,7 @@ pub(super) struct FrameSource {
 pub(super) struct FrameJob {
     pub number: u32,
     pub source: FrameSource,
-    pub opening: Option<Opening>,
+    pub opening: Option<FrameInfo>,
     pub exposed: Option<Box<ExposedFrame>>,
     /// Pixel values from the first pixel on, until the frame is complete.
     dn: Vec<u16>,

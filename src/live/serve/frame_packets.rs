@@ -16,7 +16,7 @@ use skyloop_protocols::{
     CompressedBlock, EncodeError, FrameHeader, LabelLevel, LabelPart, MAX_PACKET, ObjectPart,
     Output, Packing, PixelBlock, PixelLevel, Positions, Reply, WindowBlock, WireTime, rice,
 };
-use skyloop_render::engine::Opening;
+use skyloop_render::engine::FrameInfo;
 use std::borrow::Cow;
 use std::time::{Duration, Instant};
 
@@ -313,7 +313,7 @@ fn wire_time(epoch: Epoch) -> Result<WireTime, String> {
 }
 
 /// The header of a frame, without windows and compressed blocks.
-fn header(opening: &Opening, output: &Output, label_bytes: usize) -> Result<FrameHeader, String> {
+fn header(opening: &FrameInfo, output: &Output, label_bytes: usize) -> Result<FrameHeader, String> {
     let detector = &opening.camera.detector;
     let label_parts = match output.labels {
         LabelLevel::None => Some(0),

@@ -89,7 +89,9 @@ pub(super) fn attitude(state: &mut State, call: &Call<'_>, attitude: &Attitude) 
             attitude.sequence
         )));
     }
-    let is_out_of_order = state.client.latch(vehicle, call.header, call.arrived())?;
+    let is_out_of_order = state
+        .client
+        .accept_attitude(vehicle, call.header, call.arrived())?;
     let counter = &mut state.telemetry.counters.time_backwards;
     add(counter, u32::from(is_out_of_order));
     Ok(())

@@ -3,7 +3,7 @@
 
 use super::channel::Channel;
 use super::frame_job::FrameJob;
-use super::telemetry::Left;
+use super::telemetry::SentFrame;
 use crate::stats::Pending;
 use crate::timing::FrameTimes;
 use skyloop_link::{Exit, Mark, QUEUE};
@@ -12,7 +12,7 @@ use std::time::Duration;
 /// A frame in a link's queue.
 pub(super) struct InFlightFrame {
     /// Its times, except the end.
-    pub left: Left,
+    pub left: SentFrame,
     /// Time from the trigger until the frame was rendered and the device's delay was over.
     pub ready: Duration,
     pub link: usize,
@@ -34,7 +34,7 @@ impl InFlightFrame {
     ) -> InFlightFrame {
         let last_pixel = job.since_trigger(job.last_pixel);
         InFlightFrame {
-            left: Left {
+            left: SentFrame {
                 times: FrameTimes {
                     attitude_age_s: job.source.pointing.age_s,
                     first_pixel: job.since_trigger(job.first_pixel),

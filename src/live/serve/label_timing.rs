@@ -4,7 +4,7 @@
 
 use super::clock::due::Sync;
 use skyloop_protocols::{AttitudeSource, SyncState};
-use skyloop_render::engine::Opening;
+use skyloop_render::engine::FrameInfo;
 
 /// Timing of a frame as its label states it.
 pub(super) struct LabelTiming {
@@ -61,7 +61,7 @@ impl LabelTiming {
 }
 
 /// Both parts of a label's text.
-pub(super) fn parts<'a>(opening: &'a Opening, tail: &'a str) -> [&'a str; 2] {
+pub(super) fn parts<'a>(opening: &'a FrameInfo, tail: &'a str) -> [&'a str; 2] {
     match opening.json.strip_suffix('}') {
         Some(head) if !tail.is_empty() => [head, tail],
         _ => [&opening.json, ""],

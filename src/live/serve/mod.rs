@@ -41,4 +41,4 @@ mod telemetry;
 mod transmit;
 
 pub use server::{Ended, Server};
-pub use telemetry::{Left, OnLeft};
+pub use telemetry::{OnFrameSent, SentFrame};

@@ -4,7 +4,7 @@ use skyloop_base::abort::Abort;
 use skyloop_link::lock;
 use skyloop_render::attitude::VehicleState;
 use skyloop_render::camera::Camera;
-use skyloop_render::engine::{Emulator, ExposedFrame, FrameObserver, Opening};
+use skyloop_render::engine::{Emulator, ExposedFrame, FrameInfo, FrameObserver};
 use skyloop_render::fidelity::Fidelity;
 use skyloop_render::scene::Unobservable;
 use std::sync::mpsc::{Receiver, Sender, TryRecvError, channel};
@@ -39,7 +39,7 @@ pub(super) struct RenderOrder {
 /// Events of the thread.
 pub(super) enum RenderEvent {
     /// The label is complete.
-    Labelled(Opening),
+    Labelled(FrameInfo),
     /// Pixel values from a first pixel on, and when they were ready.
     Rows(usize, Vec<u16>, Instant),
     /// The complete frame, when it was ready, and the time since its order, which includes the
@@ -181,7 +181,8 @@ fn render(
     let turn = lock(turn);
     let mut coarser = order.coarser.iter();
     let exposed = loop {
-        let exposed = emulator.expose_before(reporter, &order.camera, &order.vehicle, order.repeat);
+        let exposed =
+            emulator.expose_observed(reporter, &order.camera, &order.vehicle, order.repeat);
         let exceeds = matches!(exposed, Err(Unobservable::TooMuchWork { .. }));
         let Some(fidelity) = coarser.next().filter(|_| exceeds) else {
             break exposed;
@@ -207,7 +208,7 @@ impl Reporter {
 }
 
 impl FrameObserver for Reporter {
-    fn labelled(&self, opening: Opening) {
+    fn labelled(&self, opening: FrameInfo) {
         if self.streams {
             self.send(RenderEvent::Labelled(opening));
         }

@@ -1,7 +1,7 @@
 //! Log messages about one link, limited in rate.
 
 use super::reasons::remedy;
-use skyloop_link::{Every, FaultEffect};
+use skyloop_link::{FaultEffect, LogRateLimit};
 use skyloop_protocols::Withheld;
 use std::collections::BTreeMap;
 use std::time::Instant;
@@ -9,7 +9,7 @@ use std::time::Instant;
 /// Messages of one link, and the conditions that are reported once.
 #[derive(Debug, Default)]
 pub(super) struct ReportLog {
-    limits: BTreeMap<u8, Every>,
+    limits: BTreeMap<u8, LogRateLimit>,
     /// Since when attitudes come without a required Trigger, and whether that is logged.
     pub untriggered: Option<(Instant, bool)>,
     /// Packets granted and sent, since when they are unchanged, and whether that is reported.

@@ -11,7 +11,7 @@ use super::receive::{receive, receive_waiting};
 use super::render_thread::{Renderer, Task, renderer};
 use super::session::Session;
 use super::state::State;
-use super::telemetry::{OnLeft, Telemetry};
+use super::telemetry::{OnFrameSent, Telemetry};
 use crate::metrics::Metrics;
 use crate::stats::RunStats;
 use skyloop_config::{Clock as Kind, OnOverrun, Run};
@@ -157,7 +157,7 @@ impl Server {
     }
 
     /// Calls `on_left` for each frame that has left.
-    pub fn on_left(&mut self, on_left: OnLeft) {
+    pub fn on_left(&mut self, on_left: OnFrameSent) {
         self.state.telemetry.on_left = Some(on_left);
     }
 
@@ -307,7 +307,7 @@ impl Server {
         for (number, channel) in outgoing.enumerate() {
             let frames = Session::counters_of(&channel, skipped);
             let address = channel.wire.address;
-            stats.accounts.push((address.clone(), frames));
+            stats.frame_counters.push((address.clone(), frames));
             if number == 0 {
                 (stats.link, stats.latencies) = (address, channel.latencies);
             } else {

@@ -65,7 +65,7 @@ impl Session {
 
     /// Whether the transmission time of this link counts for the late policy: the first link that
     /// carries pixels to a client, else the first that carries frames.
-    pub fn leads(&self, link: usize) -> bool {
+    pub fn counts_for_late_policy(&self, link: usize) -> bool {
         let first = |brings: fn(&Roles) -> bool| {
             let mut channels = self.channels.iter();
             channels.position(|one| brings(&one.roles) && one.exchange.muted.is_none())

@@ -107,7 +107,7 @@ impl State {
     fn count_frame(&mut self, mut frame: InFlightFrame, exit: Option<Exit>) {
         let lost = exit.and_then(|exit| exit.lost);
         let last = exit.filter(|_| lost.is_none()).map(|exit| exit.at);
-        let leads = self.session.leads(frame.link);
+        let counts_for_late_policy = self.session.counts_for_late_policy(frame.link);
         let channel = &mut self.session.channels[frame.link];
         let counters = &mut self.telemetry.counters;
         match frame.queued.take() {
@@ -119,7 +119,7 @@ impl State {
         left.missed = self.telemetry.missed(self.client.clock.missed());
         if let Some(last) = last {
             left.times = left.times.ended(left.trigger, left.deadline, last);
-            if leads {
+            if counts_for_late_policy {
                 let after = left.times.last_byte.saturating_sub(frame.ready);
                 self.late.learn_transmission(after);
             }

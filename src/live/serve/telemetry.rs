@@ -19,7 +19,7 @@ pub(super) fn add(counter: &mut u32, more: u32) {
 
 /// A frame that has left a link, or never will.
 #[derive(Debug, Clone, Copy)]
-pub struct Left {
+pub struct SentFrame {
     /// Its times.
     pub times: FrameTimes,
     /// The instant from which these times count.
@@ -33,7 +33,7 @@ pub struct Left {
 }
 
 /// Observes each frame that has left, on the server's thread.
-pub type OnLeft = Box<dyn FnMut(&Left) + Send>;
+pub type OnFrameSent = Box<dyn FnMut(&SentFrame) + Send>;
 
 /// Counters, statistics and their observers.
 pub(super) struct Telemetry {
@@ -44,7 +44,7 @@ pub(super) struct Telemetry {
     pub stats: RunStats,
     pub metrics: Option<Metrics>,
     published: Option<Instant>,
-    pub on_left: Option<OnLeft>,
+    pub on_left: Option<OnFrameSent>,
     /// Objects that could not be rendered.
     absent: Absent,
 }
@@ -121,7 +121,7 @@ impl Telemetry {
     }
 
     /// Counts a frame that has left, or never will, and calls the observer.
-    pub fn frame_left(&mut self, left: &Left) {
+    pub fn frame_left(&mut self, left: &SentFrame) {
         let is_missed = u32::from(left.times.spare_s < 0.0);
         add(&mut self.counters.deadlines_missed, is_missed);
         if let Some(on_left) = &mut self.on_left {

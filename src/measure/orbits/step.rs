@@ -1,7 +1,7 @@
 //! The whole step: candidates of a catalogue, visible objects, and the label's text.
 
 use super::{CATALOGUE, FRAMES, Step, WARM};
-use crate::population::before;
+use crate::population::scene_with_population;
 use crate::sample::Sample;
 use hifitime::Unit;
 use skyloop_base::load::ConfigError;
@@ -34,7 +34,7 @@ pub(crate) fn measure() -> Result<Step, ConfigError> {
 /// Times (ms) of the frames, time of the first, mean numbers of found objects, and bytes per
 /// object.
 fn frames(orbits: Orbits) -> Result<(Sample, f64, [f64; 3], f64), ConfigError> {
-    let (mut config, vehicle) = before(CATALOGUE)?;
+    let (mut config, vehicle) = scene_with_population(CATALOGUE)?;
     config.fidelity.orbits = orbits;
     // Objects alone: other content of the sky takes its own time.
     let mut choice = Choice::default();

@@ -10,7 +10,7 @@ use super::propagate::{Advance, Begin, Finish, Request, Requested, SingleObject}
 use super::resonance::{Free, HalfDay, OneDay};
 use super::secular::{Instant, Instants, When};
 use super::short_period::Intermediate;
-use super::site::Site;
+use super::site::OrbitKind;
 use crate::StateVector;
 use crate::elements::{Elements, ModelError};
 use hifitime::Epoch;
@@ -48,9 +48,9 @@ impl Batch {
     ///
     /// The first element set that SGP4 cannot start from.
     pub fn new(sets: &[Elements]) -> Result<Batch, ModelError> {
-        let sites = sets.par_iter().map(Site::of);
-        let sites: Vec<Result<Site, ModelError>> = sites.collect();
-        let sites: Vec<Site> = sites.into_iter().collect::<Result<_, _>>()?;
+        let sites = sets.par_iter().map(OrbitKind::of);
+        let sites: Vec<Result<OrbitKind, ModelError>> = sites.collect();
+        let sites: Vec<OrbitKind> = sites.into_iter().collect::<Result<_, _>>()?;
         let mut batch = Batch {
             level: Level::best(),
             slots: vec![NO_OBJECT; sets.len()],
@@ -64,8 +64,12 @@ impl Batch {
     }
 
     /// The blocks of one kind. Constants (600 bytes an object) are written directly to their slot.
-    fn fill<M: Model>(&mut self, sets: &[Elements], sites: &[Site]) -> Result<Vec<M>, ModelError> {
-        let members = (0..sites.len()).filter(|at| sites[*at] == M::SITE);
+    fn fill<M: Model>(
+        &mut self,
+        sets: &[Elements],
+        sites: &[OrbitKind],
+    ) -> Result<Vec<M>, ModelError> {
+        let members = (0..sites.len()).filter(|at| sites[*at] == M::KIND);
         let members: Vec<usize> = members.collect();
         for block in members.chunks(BLOCK) {
             for object in (0..BLOCK).map(|i| block.get(i).copied()) {
@@ -84,7 +88,7 @@ impl Batch {
                 let Some(elements) = member.and_then(|&at| sets.get(at)) else {
                     continue;
                 };
-                match M::SITE.constants(elements) {
+                match M::KIND.constants(elements) {
                     Ok(constants) => block.set(i, elements, &constants),
                     Err(error) => drop(failed.set(error)),
                 }

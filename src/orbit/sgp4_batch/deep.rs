@@ -7,7 +7,7 @@ use super::model::Model;
 use super::resonance::{Resonance, Unperturbed};
 use super::secular::{Secular, When};
 use super::short_period::{Failed, Perturbed, k5};
-use super::site::Site;
+use super::site::OrbitKind;
 use crate::elements::Elements;
 use pulp::Simd;
 
@@ -87,7 +87,7 @@ impl Pull {
 }
 
 impl<R: Resonance> Model for Deep<R> {
-    const SITE: Site = R::SITE;
+    const KIND: OrbitKind = R::KIND;
 
     fn set(&mut self, i: usize, elements: &Elements, constants: &ModelConstants) {
         self.secular.set(i, elements, constants);

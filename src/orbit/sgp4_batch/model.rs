@@ -4,13 +4,13 @@ use super::constants::ModelConstants;
 use super::lanes::{Lanes, Part};
 use super::secular::{Secular, When};
 use super::short_period::Perturbed;
-use super::site::Site;
+use super::site::OrbitKind;
 use crate::elements::Elements;
 use pulp::Simd;
 
 /// A block of one kind of orbits.
 pub trait Model: Default + Send + Sync {
-    const SITE: Site;
+    const KIND: OrbitKind;
 
     fn set(&mut self, i: usize, elements: &Elements, constants: &ModelConstants);
     /// Integrates to less than a step before an instant, and stores the integrator's state.

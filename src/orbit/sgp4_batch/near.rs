@@ -9,7 +9,7 @@ use super::lanes::{Lanes, Part, Row};
 use super::model::Model;
 use super::secular::Secular;
 use super::short_period::{Failed, Perturbed};
-use super::site::Site;
+use super::site::OrbitKind;
 use crate::elements::Elements;
 use pulp::Simd;
 
@@ -35,7 +35,7 @@ pub(crate) struct Near {
 }
 
 impl Model for Near {
-    const SITE: Site = Site::Near;
+    const KIND: OrbitKind = OrbitKind::Near;
 
     fn set(&mut self, i: usize, elements: &Elements, constants: &ModelConstants) {
         self.secular.set(i, elements, constants);

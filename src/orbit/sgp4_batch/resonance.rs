@@ -7,7 +7,7 @@
 use super::constants;
 use super::lanes::{Lanes, Part, Row, Truth};
 use super::secular::Secular;
-use super::site::Site;
+use super::site::OrbitKind;
 use pulp::Simd;
 
 /// Length of a step, min.
@@ -38,7 +38,7 @@ pub(crate) struct Unperturbed<S: Simd> {
 
 /// Change of mean anomaly and semi-major axis with time.
 pub(crate) trait Resonance: Default + Send + Sync {
-    const SITE: Site;
+    const KIND: OrbitKind;
 
     fn set(&mut self, i: usize, mean_motion: f64, constants: &constants::Resonant);
 
@@ -62,7 +62,7 @@ pub(crate) struct Free {
 }
 
 impl Resonance for Free {
-    const SITE: Site = Site::Deep;
+    const KIND: OrbitKind = OrbitKind::Deep;
 
     fn set(&mut self, i: usize, _: f64, constants: &constants::Resonant) {
         if let constants::Resonant::No { a0 } = constants {
@@ -93,7 +93,7 @@ pub(crate) type HalfDay = Resonant<HalfDayTerms>;
 
 /// The terms of a resonance.
 pub(crate) trait Terms: Default + Send + Sync {
-    const SITE: Site;
+    const KIND: OrbitKind;
 
     fn set(&mut self, i: usize, constants: &constants::Resonance);
 
@@ -167,7 +167,7 @@ impl<T: Terms> Resonant<T> {
 }
 
 impl<T: Terms> Resonance for Resonant<T> {
-    const SITE: Site = T::SITE;
+    const KIND: OrbitKind = T::KIND;
 
     fn set(&mut self, i: usize, mean_motion: f64, constants: &constants::Resonant) {
         let constants::Resonant::Yes {
@@ -272,7 +272,7 @@ impl<S: Simd> Pull<S> {
 pub(crate) struct OneDayTerms([Row; 3]);
 
 impl Terms for OneDayTerms {
-    const SITE: Site = Site::OneDay;
+    const KIND: OrbitKind = OrbitKind::OneDay;
 
     fn set(&mut self, i: usize, constants: &constants::Resonance) {
         if let constants::Resonance::OneDay(dr) = constants {
@@ -311,7 +311,7 @@ pub(crate) struct HalfDayTerms {
 }
 
 impl Terms for HalfDayTerms {
-    const SITE: Site = Site::HalfDay;
+    const KIND: OrbitKind = OrbitKind::HalfDay;
 
     fn set(&mut self, i: usize, constants: &constants::Resonance) {
         if let constants::Resonance::HalfDay([d @ .., k14]) = constants {

@@ -14,31 +14,31 @@ const HALF_DAY: (RangeInclusive<f64>, f64) = (8.26e-3..=9.24e-3, 0.5);
 
 /// Kinds of orbits, in the order of their blocks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Site {
+pub(crate) enum OrbitKind {
     Near,
     Deep,
     OneDay,
     HalfDay,
 }
 
-impl Site {
+impl OrbitKind {
     /// The kind of an orbit, by the bounds of Vallado et al., AIAA 2006-6753.
     ///
     /// # Errors
     ///
     /// The model cannot start from the elements.
-    pub fn of(elements: &Elements) -> Result<Site, ModelError> {
+    pub fn of(elements: &Elements) -> Result<OrbitKind, ModelError> {
         let orbit = elements.orbit()?;
         let n = orbit.mean_motion;
         let (half_day, eccentric) = HALF_DAY;
         Ok(if n > NEAR {
-            Site::Near
+            OrbitKind::Near
         } else if n > ONE_DAY[0] && n < ONE_DAY[1] {
-            Site::OneDay
+            OrbitKind::OneDay
         } else if half_day.contains(&n) && orbit.eccentricity >= eccentric {
-            Site::HalfDay
+            OrbitKind::HalfDay
         } else {
-            Site::Deep
+            OrbitKind::Deep
         })
     }
 
@@ -50,12 +50,12 @@ impl Site {
     pub fn constants(self, elements: &Elements) -> Result<ModelConstants, ModelError> {
         let constants = ModelConstants::of(&elements.constants()?)?;
         let theirs = match &constants.method {
-            Method::NearEarth { .. } => Site::Near,
+            Method::NearEarth { .. } => OrbitKind::Near,
             Method::DeepSpace { resonant, .. } => match resonant {
-                Resonant::No { .. } => Site::Deep,
+                Resonant::No { .. } => OrbitKind::Deep,
                 Resonant::Yes { resonance, .. } => match resonance {
-                    Resonance::OneDay(_) => Site::OneDay,
-                    Resonance::HalfDay(_) => Site::HalfDay,
+                    Resonance::OneDay(_) => OrbitKind::OneDay,
+                    Resonance::HalfDay(_) => OrbitKind::HalfDay,
                 },
             },
         };
@@ -105,7 +105,7 @@ mod tests {
             .iter()
             .flat_map(|motion| [0.01, below, eccentric].map(|e| (*motion, e)))
         {
-            let site = |n: f64| Site::of(&set(n, eccentricity)).unwrap();
+            let site = |n: f64| OrbitKind::of(&set(n, eccentricity)).unwrap();
             // Bisect the Kozai mean motion at which Brouwer's passes the bound.
             let [mut low, mut high] = [0.99 * motion, 1.01 * motion];
             changes += usize::from(site(low) != site(high));
@@ -120,7 +120,7 @@ mod tests {
             for n in [low.next_down(), low, high, high.next_up()] {
                 let set = set(n, eccentricity);
                 assert!(
-                    Site::of(&set).unwrap().constants(&set).is_ok(),
+                    OrbitKind::of(&set).unwrap().constants(&set).is_ok(),
                     "{n} {eccentricity}"
                 );
             }

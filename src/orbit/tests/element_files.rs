@@ -62,7 +62,7 @@ fn sets_of_one_object_are_united_and_the_nearest_is_used() {
         assert_eq!(both.state(t), nearest.objects[0].state(t), "{hours}");
     }
     // A settled object does not change its set at noon.
-    let settled = both.settled(noon - Unit::Second * 1);
+    let settled = both.with_set_at(noon - Unit::Second * 1);
     let after = noon + Unit::Second * 1;
     assert_eq!(settled.state(after), one.objects[0].state(after));
     assert_ne!(both.state(after), settled.state(after));
@@ -80,7 +80,7 @@ fn of_two_sets_of_one_epoch_the_one_with_a_state_is_used() {
         let both = read(&both);
         assert_eq!(both.objects[0].sets().count(), 2);
         assert_eq!(both.objects[0].state(t), good.objects[0].state(t));
-        assert_eq!(both.objects[0].number_at(t), 0);
+        assert_eq!(both.objects[0].set_index_at(t), 0);
     }
 }
 

@@ -372,7 +372,7 @@ fn a_moving_cone_misses_no_object() {
             turned,
             angle,
             opened,
-            path_km,
+            margin_km,
         ],
         frame,
     ) in frames
@@ -380,23 +380,23 @@ fn a_moving_cone_misses_no_object() {
         t += Unit::Second * *step_s;
         let now = |start: &f64, change: &f64| start + change * frame as f64;
         let (sin, cos) = now(axis, turned).sin_cos();
-        let within = |path_km: f64| Within {
+        let within = |margin_km: f64| Within {
             cone: Cone::new(
                 [0.0, now(start_km, moved), 500.0],
                 [cos, sin, 0.0],
                 now(angle, opened),
-                path_km,
+                margin_km,
             ),
             searched: AtomicUsize::new(0),
         };
         let find = |tracks: &mut Tracks, look: &Within| -> BTreeSet<(u32, bool)> {
             tracks.at(t, look).into_iter().collect()
         };
-        let ours = within(*path_km);
+        let ours = within(*margin_km);
         let found = find(&mut tracks, &ours);
         // Near the surface tracks and SGP4 may differ, up to the bound.
-        let some = find(&mut exact, &within(path_km - BOUND_KM));
-        let more = find(&mut exact, &within(path_km + BOUND_KM));
+        let some = find(&mut exact, &within(margin_km - BOUND_KM));
+        let more = find(&mut exact, &within(margin_km + BOUND_KM));
         assert!(some.is_subset(&found), "{t} {frame}: {:?}", &some - &found);
         assert!(found.is_subset(&more), "{t} {frame}: {:?}", &found - &more);
         searched += ours.searched.into_inner();

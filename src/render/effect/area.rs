@@ -12,7 +12,8 @@
 use super::cause::three_digits;
 use super::{Assessment, ErrorBound, LazyBound, Pass};
 use crate::scene::bounds::{
-    BELOW_NOISE, area_lit_e, final_change_e, is_below_noise, transfer_smear_of, with_transfer_smear,
+    ALL_FULL, area_lit_e, final_change_e, is_flooded_without, transfer_smear_of,
+    with_transfer_smear,
 };
 use crate::scene::{AreaLight, BLURRED_NS, EDGE_NS, EffectId, RasterWork, SPREAD_NS, Scene};
 
@@ -46,8 +47,8 @@ pub(super) fn assess<'s>(
         0.0
     };
     let pixels_ns = pixels * EVEN_NS + area.uneven() as f64 * (PIXEL_NS + blurred_ns);
-    let assessment = if is_below_noise(scene, effect) {
-        Assessment::none(format!("{}: {BELOW_NOISE}", because(area)))
+    let assessment = if is_flooded_without(scene, effect) {
+        Assessment::none(format!("{}: {ALL_FULL}", because(area)))
     } else if area.electrons == 0.0 {
         // Too faint to be rasterized.
         Assessment::new(because(area), ErrorBound::of_pixel(area.max_e), 0.0)

@@ -15,7 +15,7 @@
 use super::cause::{counted, three_digits};
 use super::{Assessment, Effect, LazyBound, Pass};
 use crate::fidelity::Fidelity;
-use crate::scene::bounds::{BELOW_NOISE, final_change_e, is_below_noise, of_cells};
+use crate::scene::bounds::{ALL_FULL, final_change_e, is_flooded_without, of_cells};
 use crate::scene::{EffectId, Scene};
 
 /// Dark charge.
@@ -28,8 +28,8 @@ fn assess<'s>(scene: &'s Scene, _: &Fidelity) -> (Assessment<'s>, Pass<'s>) {
     let (mean, max_e_s) = (pattern.dark_mean_e_s(), pattern.dark_max_e_s());
     let assessment = if max_e_s == 0.0 {
         Assessment::none("the detector has no dark current (detector.dark_e_s)")
-    } else if is_below_noise(scene, EffectId::DarkCurrent) {
-        Assessment::none(BELOW_NOISE)
+    } else if is_flooded_without(scene, EffectId::DarkCurrent) {
+        Assessment::none(ALL_FULL)
     } else {
         let mut because = format!("{} e-/s a pixel", three_digits(mean));
         if !pattern.hot().is_empty() {

@@ -15,7 +15,8 @@ use super::{Assessment, Effect, ErrorBound};
 use crate::camera::Model;
 use crate::fidelity::Fidelity;
 use crate::scene::bounds::{
-    BoundChange, STEEPEST_STREAK, areas_changed_e, areas_taken_e, changed_e, lines_of_sight,
+    BoundChange, STEEPEST_STREAK, areas_changed_e, areas_transmission_change_e, changed_e,
+    lines_of_sight,
 };
 use crate::scene::{EffectId, EffectSet, Scene, Source, View, still_evaluations};
 
@@ -49,7 +50,7 @@ fn assess(view: &View, _: &EffectSet, fidelity: &Fidelity) -> Assessment<'static
     // Beyond this tolerance the effect runs: no need for the other bound.
     let e = if px <= fidelity.skip_px {
         let ideal = EffectSet::default();
-        areas_taken_e(view, &ideal.with(EffectId::Distortion), &ideal)
+        areas_transmission_change_e(view, &ideal.with(EffectId::Distortion), &ideal)
     } else {
         0.0
     };

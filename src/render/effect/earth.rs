@@ -28,7 +28,7 @@ pub(crate) const EARTH: Effect = Effect::light(EffectId::Earth, "earth", |scene,
     let because = |area: &_| format!("its day side is in the field, {}", up_to(area));
     assess(scene, EffectId::Earth, because, 240.0)
 })
-.found_by(find, "no part of its day side is in the field");
+.area_source(find, "no part of its day side is in the field");
 
 #[derive(Debug)]
 struct Disc {
@@ -64,7 +64,7 @@ impl Radiance for Disc {
         if reflectance == 0.0 {
             return 0.0;
         }
-        let share = (self.air.as_ref()).map_or(1.0, |air| air.ground_share(direction));
+        let share = (self.air.as_ref()).map_or(1.0, |air| air.ground_transmission(direction));
         self.sun * reflectance * share
     }
 

@@ -15,7 +15,7 @@ use super::cause::{no_light, three_digits};
 use super::{Assessment, Effect, LazyBound, Pass};
 use crate::camera::Shutter;
 use crate::fidelity::Fidelity;
-use crate::scene::bounds::{BELOW_NOISE, final_change_e, is_below_noise, of_cells};
+use crate::scene::bounds::{ALL_FULL, final_change_e, is_flooded_without, of_cells};
 use crate::scene::{EffectId, Scene};
 
 /// Smear of frame transfer.
@@ -27,8 +27,8 @@ fn assess<'s>(scene: &'s Scene, _: &Fidelity) -> (Assessment<'s>, Pass<'s>) {
     let max_e = smear_e.iter().copied().fold(0.0, f64::max);
     let own = EffectId::FrameTransfer;
     let assessment = match scene.view.camera.shutter {
-        Shutter::FrameTransfer { .. } if is_below_noise(scene, own) => {
-            Assessment::none(BELOW_NOISE)
+        Shutter::FrameTransfer { .. } if is_flooded_without(scene, own) => {
+            Assessment::none(ALL_FULL)
         }
         Shutter::FrameTransfer { .. } if max_e > 0.0 => {
             let because = format!(

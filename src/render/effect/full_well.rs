@@ -17,7 +17,7 @@ use super::{Assessment, Effect, LazyBound, Pass};
 use crate::camera::Blooming;
 use crate::fidelity::Fidelity;
 use crate::kernels::Bloom;
-use crate::scene::bounds::{greatest, held_e, max_difference, straightened_e};
+use crate::scene::bounds::{full_pixel_error_e, greatest, held_e, max_difference};
 use crate::scene::{EffectId, Scene, columns_e, drawn_e, in_groups};
 use skyloop_base::abort::WorkLimit;
 use std::cell::Cell;
@@ -68,7 +68,7 @@ fn assess<'s>(scene: &'s Scene, _: &Fidelity) -> (Assessment<'s>, Pass<'s>) {
                 let [a, b] = [&scene.simulated, &without].map(|of| held_e(scene, columns, of));
                 max_difference(&a, &b)
             });
-            spilling + straightened_e(scene, &without)
+            spilling + full_pixel_error_e(scene, &without)
         };
         let assessment = Assessment::of_pixels(scene, because, 0.0, ns);
         let columns = if spills { overfull_columns(scene) } else { 0 };

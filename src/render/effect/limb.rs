@@ -30,7 +30,7 @@ pub(crate) const LIMB: Effect = Effect::light(EffectId::Limb, "limb", |scene, _|
     let because = |area: &_| format!("the Earth's air is in the field, {}", up_to(area));
     assess(scene, EffectId::Limb, because, 175.0)
 })
-.found_by(
+.area_source(
     find,
     "no air in the field is lit, and none shines in the band",
 );

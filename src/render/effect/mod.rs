@@ -124,7 +124,7 @@ impl Effect {
 
     /// Makes it an area source. `radiance` finds its light; `unlit` is the reason if that light
     /// reaches no pixel.
-    const fn found_by(
+    const fn area_source(
         mut self,
         radiance: fn(&World, &View, &Surroundings) -> Found,
         unlit: &'static str,
@@ -150,7 +150,7 @@ impl Effect {
 
     /// Whether its random numbers are drawn with the scene. Its error is then the error of this
     /// frame, not an rms.
-    pub fn is_foreseen(&self) -> bool {
+    pub fn is_drawn_with_scene(&self) -> bool {
         self.id == EffectId::Radiation
     }
 }

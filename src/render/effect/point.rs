@@ -13,7 +13,7 @@ use super::cause::{counted, none_lit, three_digits};
 use super::{Assessment, Effect, LazyBound, Pass};
 use crate::fidelity::Fidelity;
 use crate::scene::bounds::{
-    BELOW_NOISE, final_change_e, is_below_noise, lit_e, with_transfer_smear,
+    ALL_FULL, final_change_e, is_flooded_without, lit_e, with_transfer_smear,
 };
 use crate::scene::{EffectId, Lit, Scene, Source, still_ms};
 
@@ -59,8 +59,8 @@ fn assess<'s>(
         let brightest = drawn.iter().map(|s| s.electrons).fold(0.0, f64::max);
         let (all, max_e) = (counted(drawn.len(), what), three_digits(brightest));
         let because = format!("{all} in the field, up to {max_e} e-");
-        if is_below_noise(scene, effect) {
-            Assessment::none(format!("{because}: {BELOW_NOISE}"))
+        if is_flooded_without(scene, effect) {
+            Assessment::none(format!("{because}: {ALL_FULL}"))
         } else {
             // Their own light, and their part of the frame-transfer smear.
             let all = drawn.clone();

@@ -12,7 +12,7 @@
 use super::cause::{no_light, three_digits};
 use super::{Assessment, Effect, Pass};
 use crate::fidelity::Fidelity;
-use crate::scene::bounds::{BELOW_NOISE, final_change_e, is_below_noise, lit_where};
+use crate::scene::bounds::{ALL_FULL, final_change_e, is_flooded_without, lit_where};
 use crate::scene::{EffectId, Scene};
 
 /// Photo-response non-uniformity.
@@ -28,8 +28,8 @@ fn assess<'s>(scene: &'s Scene, _: &Fidelity) -> (Assessment<'s>, Pass<'s>) {
     let off = |pixel| (pattern.response_of(pixel) - 1.0).abs();
     let own = EffectId::PixelResponse;
     let worst = final_change_e(scene, || lit_where(scene, off), own);
-    let assessment = if is_below_noise(scene, own) {
-        Assessment::none(BELOW_NOISE)
+    let assessment = if is_flooded_without(scene, own) {
+        Assessment::none(ALL_FULL)
     } else if worst == 0.0 {
         Assessment::none(no_light(scene))
     } else {

@@ -21,7 +21,7 @@ use nalgebra::Vector3;
 pub(crate) const STARLIGHT: Effect = Effect::light(EffectId::Starlight, "starlight", |scene, _| {
     assess(scene, EffectId::Starlight, up_to, 330.0)
 })
-.found_by(find, EARTH_FILLS);
+.area_source(find, EARTH_FILLS);
 
 fn find(world: &World, view: &View, around: &Surroundings) -> Found {
     let light = world.starlight.clone();

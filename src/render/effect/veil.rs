@@ -39,18 +39,18 @@ pub(crate) const SUNLIGHT: Effect = Effect::light(EffectId::Sunlight, "sunlight"
         EVALUATION_NS,
     )
 })
-.found_by(sunlight, NOTHING);
+.area_source(sunlight, NOTHING);
 /// Moonglow.
 pub(crate) const MOONGLOW: Effect = Effect::light(EffectId::Moonglow, "moonglow", |scene, _| {
     assess(scene, EffectId::Moonglow, scatters, EVALUATION_NS)
 })
-.found_by(moonglow, NOTHING);
+.area_source(moonglow, NOTHING);
 /// Earthshine.
 pub(crate) const EARTHSHINE: Effect =
     Effect::light(EffectId::Earthshine, "earthshine", |scene, _| {
         assess(scene, EffectId::Earthshine, scatters, EVALUATION_NS)
     })
-    .found_by(earthshine, NOTHING);
+    .area_source(earthshine, NOTHING);
 
 fn scatters(area: &AreaLight) -> String {
     format!("the optics scatter {}", up_to(area))

@@ -25,7 +25,7 @@ use super::{Assessment, Effect, ErrorBound};
 use crate::camera::Vignetting;
 use crate::fidelity::Fidelity;
 use crate::scene::bounds::{
-    BoundChange, areas_changed_e, areas_taken_e, changed_e, lines_of_sight,
+    BoundChange, areas_changed_e, areas_transmission_change_e, changed_e, lines_of_sight,
 };
 use crate::scene::{Body, EffectId, EffectSet, Scene, Source, View, still_evaluations, work};
 
@@ -69,7 +69,7 @@ fn areas_e(view: &View, simulated: &EffectSet, part: f64) -> f64 {
     if simulated.has(EffectId::Distortion) {
         without = without.with(EffectId::Distortion);
     }
-    areas_taken_e(view, &without.with(EffectId::Vignetting), &without)
+    areas_transmission_change_e(view, &without.with(EffectId::Vignetting), &without)
 }
 
 /// Why it removes no light.

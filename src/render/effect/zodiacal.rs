@@ -25,7 +25,7 @@ pub(crate) const ZODIACAL_LIGHT: Effect =
     Effect::light(EffectId::ZodiacalLight, "zodiacal light", |scene, _| {
         assess(scene, EffectId::ZodiacalLight, up_to, 260.0)
     })
-    .found_by(find, EARTH_FILLS);
+    .area_source(find, EARTH_FILLS);
 
 fn find(world: &World, view: &View, around: &Surroundings) -> Found {
     let sun_m = view.observer.sun_m(&world.corrections);

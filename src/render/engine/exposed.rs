@@ -38,7 +38,7 @@ pub struct ExposedFrame {
 
 /// The data of a frame before its pixels exist.
 #[derive(Debug, Clone)]
-pub struct Opening {
+pub struct FrameInfo {
     /// Number of the frame in the run, from 0.
     pub number: u32,
     /// The label as one line of JSON.
@@ -53,8 +53,8 @@ pub struct Opening {
 
 impl ExposedFrame {
     /// Its data without pixels.
-    pub fn opening(&self) -> Opening {
-        Opening {
+    pub fn opening(&self) -> FrameInfo {
+        FrameInfo {
             number: self.number,
             json: self.json.clone(),
             exposure: self.exposure,
@@ -67,7 +67,7 @@ impl ExposedFrame {
 /// Observes the rendering of a frame, on the rendering thread.
 pub trait FrameObserver: Sync {
     /// The label is complete.
-    fn labelled(&self, _: Opening) {}
+    fn labelled(&self, _: FrameInfo) {}
 
     /// Rows are complete: the first pixel (row-major), and the pixel values from there on. Not
     /// called if all rows complete together.

@@ -20,7 +20,7 @@ pub struct Tolerance {
     /// Its permitted values.
     pub allowed: Allowed,
     /// Whether it changes frames visibly.
-    pub is_seen: bool,
+    pub changes_frames: bool,
     /// Reads its value.
     pub get: fn(&Fidelity) -> Value,
     /// Sets its value; a value of another kind is ignored.
@@ -78,7 +78,7 @@ macro_rules! tolerances {
             bounds: $bounds,
             bound: $bound,
             allowed: $allowed,
-            is_seen: $seen,
+            changes_frames: $seen,
             get: |fidelity| fidelity.$name.value(),
             set: |fidelity, value| {
                 if let Some(value) = Setting::of(value) {
@@ -214,7 +214,7 @@ impl Fidelity {
         let differing = |preset: &Fidelity| -> Vec<(&'static str, Value)> {
             let tolerances = TOLERANCES.iter();
             let differing = tolerances
-                .filter(|tolerance| tolerance.is_seen && !tolerance.is_same(self, preset));
+                .filter(|tolerance| tolerance.changes_frames && !tolerance.is_same(self, preset));
             differing
                 .map(|tolerance| (tolerance.name, (tolerance.get)(self)))
                 .collect()

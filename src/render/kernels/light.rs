@@ -35,7 +35,7 @@ pub struct Reading {
     /// Non-linearity: the missing share of a full pixel's signal (1).
     pub bend: f64,
     /// Inverse of the full well, 1/e-.
-    pub part_of_full: f64,
+    pub inverse_full_well: f64,
     /// Whether charge has shot noise: 1 or 0.
     pub shot_noise: f64,
     /// Variance without shot noise, e-^2; above 0.
@@ -49,7 +49,7 @@ pub struct Reading {
 struct Single {
     electrons: f32,
     bend: f32,
-    part_of_full: f32,
+    inverse_full_well: f32,
     shot: f32,
     floor: f32,
     full_e: f32,
@@ -69,7 +69,7 @@ impl Single {
                 0.0
             },
             bend: reading.bend as f32,
-            part_of_full: reading.part_of_full as f32,
+            inverse_full_well: reading.inverse_full_well as f32,
             shot: reading.shot_noise as f32,
             floor: reading.floor as f32,
             full_e: reading.full_e.min(MAX_E) as f32,
@@ -87,9 +87,9 @@ impl Single {
     fn term(&self, share: f32, b: f32) -> f32 {
         let s = self.electrons * share;
         let held = s + b;
-        let whole = self.bend * min(held * self.part_of_full, 1.0);
-        let rest = 1.0 - min(b * self.part_of_full, 1.0);
-        let signal = s * (1.0 - whole) - b * self.bend * min(s * self.part_of_full, rest);
+        let whole = self.bend * min(held * self.inverse_full_well, 1.0);
+        let rest = 1.0 - min(b * self.inverse_full_well, 1.0);
+        let signal = s * (1.0 - whole) - b * self.bend * min(s * self.inverse_full_well, rest);
         let slope = 1.0 - 2.0 * whole;
         let variance = slope * slope * self.shot * held + self.floor;
         // No branch around the division: it would prevent vectorization.
@@ -247,7 +247,7 @@ mod tests {
     fn all_levels_add_the_same_signal() {
         let reading = Reading {
             bend: 0.03,
-            part_of_full: 1e-4,
+            inverse_full_well: 1e-4,
             shot_noise: 1.0,
             floor: 20.0,
             full_e: 9_000.0,

@@ -6,7 +6,7 @@
 //! from each step of the cumulative distribution. Otherwise the group is searched again in double
 //! precision.
 
-use skyloop_base::rng::normal::{uniform_of, uniform_quickly};
+use skyloop_base::rng::normal::{uniform_f32, uniform_of};
 use skyloop_base::rng::poisson::{self, SEARCHED};
 
 /// Pixels of a block: they stay in the first-level cache.
@@ -34,13 +34,13 @@ fn search_quickly(means: &[f32; LANES], words: &[u32; LANES], draws: &mut [f32; 
     let mut nearest = [1.0_f32; LANES];
     for i in 0..LANES {
         mean[i] = if means[i] < SEARCHED { means[i] } else { 0.0 };
-        probability[i] = poisson::none_quickly(mean[i]);
-        left[i] = uniform_quickly(words[i]);
+        probability[i] = poisson::exp_minus_f32(mean[i]);
+        left[i] = uniform_f32(words[i]);
     }
     // The number of steps, and of steps beyond the draw: these have a negative rest, with the sign
     // bit set. Wrapping sums vectorize; checked sums do not.
     let (mut k, mut beyond) = (0, [0_u32; LANES]);
-    for two in poisson::INVERSE_QUICKLY.as_chunks::<2>().0 {
+    for two in poisson::INVERSE_OF_NEXT.as_chunks::<2>().0 {
         for inverse in two {
             for i in 0..LANES {
                 left[i] -= probability[i];
@@ -74,7 +74,7 @@ fn search_finely(means: &[f32; LANES], words: &[u32; LANES], draws: &mut [f32; L
     for i in 0..LANES {
         mean[i] = f64::from(if means[i] < SEARCHED { means[i] } else { 0.0 });
         u[i] = uniform_of(words[i]);
-        probability[i] = poisson::none(mean[i]);
+        probability[i] = poisson::exp_minus(mean[i]);
         cumulative[i] = probability[i];
     }
     for inverse in &poisson::INVERSE[1..] {
@@ -159,9 +159,12 @@ mod tests {
     fn single_precision_errs_by_less_than_the_margin() {
         for i in 0..1600 {
             let mean = (i as f32 + 0.37) * 0.01;
-            let (mut quick, mut fine) = (poisson::none_quickly(mean), poisson::none(mean.into()));
+            let (mut quick, mut fine) = (
+                poisson::exp_minus_f32(mean),
+                poisson::exp_minus(mean.into()),
+            );
             let (mut left, mut cumulative) = (1.0_f32, 0.0_f64);
-            for (k, inverse) in poisson::INVERSE_QUICKLY.iter().enumerate() {
+            for (k, inverse) in poisson::INVERSE_OF_NEXT.iter().enumerate() {
                 left -= quick;
                 cumulative += fine;
                 let off = (f64::from(left) - (1.0 - cumulative)).abs();
@@ -174,7 +177,7 @@ mod tests {
             }
         }
         for word in (0..u32::MAX).step_by(9973) {
-            let off = f64::from(uniform_quickly(word)) - uniform_of(word);
+            let off = f64::from(uniform_f32(word)) - uniform_of(word);
             assert!(off.abs() < 1e-7, "{word:x}: {off:e}");
         }
     }

@@ -128,7 +128,7 @@ impl Strongest {
             return;
         }
         self.found
-            .select_nth_unstable_by(MAX_ARTIFACTS, stands_out_more);
+            .select_nth_unstable_by(MAX_ARTIFACTS, stronger_first);
         self.leave_out_from(MAX_ARTIFACTS);
     }
 
@@ -138,7 +138,7 @@ impl Strongest {
         if self.found.iter().map(count).sum::<usize>() <= MAX_ARTIFACT_PIXELS {
             return;
         }
-        self.found.sort_unstable_by(stands_out_more);
+        self.found.sort_unstable_by(stronger_first);
         let mut sum = 0;
         let mut fits = |artifact: &(usize, Found)| {
             sum += count(artifact);
@@ -161,7 +161,7 @@ impl Strongest {
 }
 
 /// The stronger first; of equal ones the first.
-fn stands_out_more((i, a): &(usize, Found), (j, b): &(usize, Found)) -> Ordering {
+fn stronger_first((i, a): &(usize, Found), (j, b): &(usize, Found)) -> Ordering {
     b.snr().total_cmp(&a.snr()).then(i.cmp(j))
 }
 

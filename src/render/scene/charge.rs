@@ -79,7 +79,7 @@ pub fn struck_e(scene: &Scene, pixels: &[u32]) -> impl Iterator<Item = f64> {
 /// effects `parts`, e-: light and dark charge, without full wells.
 pub fn columns_e(scene: &Scene, columns: &[usize], parts: &EffectSet) -> Vec<f64> {
     let mut charge = light_e(scene, columns, parts);
-    turn(scene, &mut charge, columns, parts);
+    light_to_charge(scene, &mut charge, columns, parts);
     charge
 }
 
@@ -159,7 +159,12 @@ fn light_of(scene: &Scene, columns: &[usize], sources: &[Lit<'_>], areas: &[&Lig
 
 /// Converts the light on `columns` to charge, e-: with the pixel response, dark charge and
 /// frame-transfer smear that `parts` contains.
-pub(crate) fn turn(scene: &Scene, light: &mut [f64], columns: &[usize], parts: &EffectSet) {
+pub(crate) fn light_to_charge(
+    scene: &Scene,
+    light: &mut [f64],
+    columns: &[usize],
+    parts: &EffectSet,
+) {
     let detector = &scene.view.camera.detector;
     let transfer_smear = transfer_smear::part(&scene.view);
     let charges = light.par_chunks_exact_mut(detector.height).zip(columns);

@@ -28,12 +28,17 @@ impl Collected {
     ///
     /// with the share s_r of a row. The last term removes the effect of pixelation on the centre of
     /// a fully lit image.
-    pub fn of(track: &Track, camera: &Camera, fidelity: &Fidelity, shine: &Light) -> Collected {
+    pub fn of(
+        track: &Track,
+        camera: &Camera,
+        fidelity: &Fidelity,
+        source_light: &Light,
+    ) -> Collected {
         let (mut light, mut moments) = (0.0, [0.0; 2]);
         let mut stamp = Stamp::default();
         for sample in &track.samples {
             let weight = sample.weight;
-            let (part, shift) = open(sample, camera, fidelity, shine, &mut stamp);
+            let (part, shift) = open(sample, camera, fidelity, source_light, &mut stamp);
             let [x, y] = camera.optics.lit(sample.at);
             light += weight * part;
             // Relative to the start, for precision far from the origin.
@@ -50,15 +55,15 @@ fn open(
     sample: &Sample,
     camera: &Camera,
     fidelity: &Fidelity,
-    shine: &Light,
+    source_light: &Light,
     stamp: &mut Stamp,
 ) -> (f64, f64) {
     let at = &sample.at;
     if sample.lit == Lit::ALL {
         return (1.0, 0.0);
     }
-    let psf = camera.optics.psf_at(*at, shine.wavelength_ratio);
-    let reach = psf.drawn_px(fidelity, shine.electrons);
+    let psf = camera.optics.psf_at(*at, source_light.wavelength_ratio);
+    let reach = psf.drawn_px(fidelity, source_light.electrons);
     let [columns, rows] = square(*at, reach);
     if sample.lit.among(&rows) == rows {
         return (1.0, 0.0);

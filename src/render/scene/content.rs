@@ -161,7 +161,7 @@ impl Scene {
     }
 
     /// Upper bound of the response of any pixel (1).
-    pub(crate) fn responds(&self) -> f64 {
+    pub(crate) fn max_response(&self) -> f64 {
         if self.simulated.has(EffectId::PixelResponse) {
             1.0 + self.view.camera.detector.pattern.worst_response()
         } else {

@@ -12,7 +12,7 @@ pub fn flooded_by(scene: &Scene) -> Option<EffectId> {
     }
     let full_e = signal::full_e(&scene.view.camera.detector, &scene.simulated);
     // The faintest pixel is at most the mean.
-    if scene.background_e() * scene.responds() < full_e || full_part(scene) < 1.0 {
+    if scene.background_e() * scene.max_response() < full_e || full_part(scene) < 1.0 {
         return None;
     }
     let pixels = scene.view.camera.detector.pixels() as f64;

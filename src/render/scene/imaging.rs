@@ -129,8 +129,9 @@ impl Imaging<'_> {
                 footprint: Footprint::default(),
             };
         }
-        let shine = candidate.shine();
-        let Collected { light, centre } = Collected::of(&track, &view.camera, fidelity, &shine);
+        let source_light = candidate.light();
+        let Collected { light, centre } =
+            Collected::of(&track, &view.camera, fidelity, &source_light);
         let light = if whole { 1.0 } else { light };
         track.scale(1.0 / light.max(f64::MIN_POSITIVE));
         let footprint = Footprint::of(
@@ -138,7 +139,7 @@ impl Imaging<'_> {
             &track,
             &view.camera,
             fidelity,
-            &shine,
+            &source_light,
             view.level,
         );
         track.recycle();
@@ -152,7 +153,7 @@ impl Imaging<'_> {
     /// Time of sampling a track, at `sample_ns` a sample, with its partial rows, ns.
     fn track_ns(&self, track: &Track, sample_ns: f64, candidate: &Candidate) -> f64 {
         let (psf, detector) = (&self.view.camera.optics.psf, &self.view.camera.detector);
-        let reach_px = psf.drawn_px(self.fidelity, candidate.shine().electrons);
+        let reach_px = psf.drawn_px(self.fidelity, candidate.light().electrons);
         let rows = (2.0 * reach_px + 1.0).min(detector.height as f64);
         let cut = track.samples.iter().filter(|s| s.lit != Lit::ALL).count() as f64;
         track.samples.len() as f64 * sample_ns + cut * (POINT_NS + rows * ROW_NS)
@@ -170,7 +171,7 @@ impl Imaging<'_> {
         let imaging = Imaging { fidelity, ..*self };
         // In chunks: with wide wings each element may cover the whole detector.
         let psf = &view.camera.optics.psf;
-        let side_px = 2.0 * psf.drawn_px(fidelity, candidate.shine().electrons) + 1.0;
+        let side_px = 2.0 * psf.drawn_px(fidelity, candidate.light().electrons) + 1.0;
         let pixels = side_px.powi(2).min(view.camera.detector.pixels() as f64);
         let chunk = (MAX_ELEMENT_PIXELS / pixels).clamp(2.0, 4096.0) as usize;
         let (mut light, mut moments) = (0.0, [0.0; 2]);
@@ -262,7 +263,7 @@ impl Imaging<'_> {
         } else {
             (exposure_s, Rows::together(camera.detector.height))
         };
-        let turn = view.vehicle.rates.norm() * open_s + candidate.swing;
+        let turn = view.vehicle.rates.norm() * open_s + candidate.own_motion;
         let [step_px, panel_px, point_px] = self.steps_px(candidate);
         let track_spec = TrackSpec {
             pieces: (turn / PIECE).ceil().clamp(2.0, 1e4) as usize,
@@ -274,7 +275,7 @@ impl Imaging<'_> {
             reach_px: if rows.are_together() {
                 0.0
             } else {
-                optics.psf.drawn_px(fidelity, candidate.shine().electrons)
+                optics.psf.drawn_px(fidelity, candidate.light().electrons)
             },
             window: view.window(fidelity),
             rows,
@@ -323,6 +324,6 @@ impl Imaging<'_> {
         let core_px = self.view.camera.optics.psf.core_px();
         // No profile of that width has a higher peak than a Gaussian.
         let middle = (1.0 / (TAU * core_px * core_px)).min(1.0);
-        (core_px, candidate.shine().electrons * middle)
+        (core_px, candidate.light().electrons * middle)
     }
 }

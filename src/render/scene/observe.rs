@@ -82,7 +82,7 @@ pub fn build_view(
         objects: world.population.objects().len(),
         unseen: Vec::new(),
         unknown: Unknown::default(),
-        swing: 0.0,
+        own_motion: 0.0,
         pointings: Vec::new(),
         sides: Vec::new(),
         window: (fidelity.psf_loss, Footprint::window(camera, fidelity)),
@@ -95,7 +95,7 @@ pub fn build_view(
     view.pointings = times.map(|dt_s| (dt_s, view.pointing(dt_s))).collect();
     find_candidates(&mut view, world, &shutter, fidelity, &faint);
     view.sun = seen_sun(&view, world);
-    view.swing = greatest_swing(&view.candidates);
+    view.own_motion = greatest_own_motion(&view.candidates);
     Ok(view)
 }
 
@@ -136,7 +136,7 @@ fn find_candidates(
     };
     let (seen, (stars, the_moon)) = rayon::join(objects, others);
     let earth = Earth::at(view.exposure.mid);
-    view.sides = field.still_sides();
+    view.sides = field.star_side_bounds();
     // Allocated once, with capacity for all kinds.
     let mut candidates = Vec::with_capacity(stars.len() + seen.objects.len() + MOON_AND_PLANETS);
     let stars = stars.into_par_iter().with_min_len(MIN_SOURCES);
@@ -166,14 +166,14 @@ pub fn add_areas(
 ) -> View {
     view.candidates
         .retain(|candidate| runs.has(candidate.body.effect()));
-    view.swing = greatest_swing(&view.candidates);
+    view.own_motion = greatest_own_motion(&view.candidates);
     view.areas = areas(&view, world, kinds, runs);
     view
 }
 
-fn greatest_swing(candidates: &[Candidate]) -> f64 {
-    let swings = candidates.iter().map(|candidate| candidate.swing);
-    swings.fold(0.0, f64::max)
+fn greatest_own_motion(candidates: &[Candidate]) -> f64 {
+    let motions = candidates.iter().map(|candidate| candidate.own_motion);
+    motions.fold(0.0, f64::max)
 }
 
 /// The Sun as the observer of a view sees it.

@@ -53,7 +53,7 @@ fn reading(detector: &Detector, simulated: &EffectSet) -> Reading {
     let read = simulated.only_with(EffectId::ReadNoise, detector.read_noise_e);
     Reading {
         bend: simulated.only_with(EffectId::NonLinearity, detector.nonlinearity),
-        part_of_full: 1.0 / detector.full_well_e,
+        inverse_full_well: 1.0 / detector.full_well_e,
         shot_noise: simulated.only_with(EffectId::ShotNoise, 1.0),
         floor: read * read + detector.quantisation_variance(),
         full_e: full_e(detector, simulated),

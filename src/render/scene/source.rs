@@ -51,7 +51,7 @@ impl Body {
     }
 
     /// The angle of its own apparent motion in the view's time, rad.
-    fn swing(&self) -> f64 {
+    fn own_motion(&self) -> f64 {
         match self {
             Body::Star(_) => 0.0,
             Body::Rso(_) | Body::Planet(_) => {
@@ -154,14 +154,14 @@ pub struct Candidate {
     /// Why none arrives, if hidden.
     pub hidden: Option<Hidden>,
     /// The angle of its own apparent motion in the view's time, rad.
-    pub(super) swing: f64,
+    pub(super) own_motion: f64,
 }
 
 impl Candidate {
     /// A body with its light, and the part that arrives.
     pub(crate) fn new(body: Body, clear_e: f64, light: f64, hidden: Option<Hidden>) -> Candidate {
         Candidate {
-            swing: body.swing(),
+            own_motion: body.own_motion(),
             body,
             clear_e,
             light,
@@ -170,7 +170,7 @@ impl Candidate {
     }
 
     /// The amount and the colour of its light.
-    pub(crate) fn shine(&self) -> Light {
+    pub(crate) fn light(&self) -> Light {
         Light {
             electrons: self.clear_e,
             wavelength_ratio: self.body.wavelength_ratio(),

@@ -66,7 +66,7 @@ pub struct View {
     /// Objects whose orbit has no position at this time.
     pub unknown: Unknown,
     /// The greatest own motion of a candidate, rad.
-    pub(super) swing: f64,
+    pub(super) own_motion: f64,
     /// Precomputed pointings, by the time from mid-exposure, s.
     pub(super) pointings: Vec<(f64, Attitude)>,
     /// Planes around the directions of stars whose image may touch the detector: inward normals
@@ -134,7 +134,7 @@ impl View {
                 // The light is off the centre of the disc, and wings are drawn further than those
                 // of stars.
                 let wings = 2.0 * optics.psf.reach_px(f64::EPSILON) / optics.focal_px;
-                let reach = 2.0 * body.angular_radius + candidate.swing + wings;
+                let reach = 2.0 * body.angular_radius + candidate.own_motion + wings;
                 sides.all(|(inward, min_product)| {
                     libm::asin(body.centre.dot(inward).clamp(-1.0, 1.0)) + reach
                         >= libm::asin(*min_product)
@@ -174,7 +174,7 @@ impl View {
         } else {
             1.0
         };
-        let own = self.swing * share;
+        let own = self.own_motion * share;
         let (scale, furthest) = self.scale_and_corner_px;
         (libm::hypot(turn.x, turn.y) + own) * scale + turn.z.abs() * furthest
     }
@@ -194,7 +194,7 @@ impl View {
             // Only a few candidates get this far.
             if e > max_e {
                 let seen = pointing.rotate(&candidate.body.line(0.5)).normalize();
-                if seen.z >= edge - candidate.swing {
+                if seen.z >= edge - candidate.own_motion {
                     max_e = max_e.max(e * part(&seen));
                 }
             }
@@ -204,8 +204,8 @@ impl View {
 
     /// Bound of the own motion of area light's edges in `seconds`, px.
     pub(crate) fn areas_motion_px(&self, seconds: f64) -> f64 {
-        let swings = self.areas.iter().map(|area| area.swing());
-        swings.fold(0.0, f64::max) * seconds * self.scale_and_corner_px.0
+        let motions = self.areas.iter().map(|area| area.angular_speed());
+        motions.fold(0.0, f64::max) * seconds * self.scale_and_corner_px.0
     }
 
     /// Bound of the motion of images and of area light's edges in the exposure, px.

@@ -26,7 +26,7 @@ pub const OWN_VEHICLE_M: f64 = 1.0;
 
 /// Bound of the shift of a direction by light time and aberration, rad: 100 km/s over c for each,
 /// rounded up. Neither observers nor objects are faster.
-const WANDER: f64 = 7e-4;
+const MAX_SHIFT: f64 = 7e-4;
 /// Radius of a sphere inside the Earth, km: the polar radius.
 const EARTH_KM: f64 = 6356.7;
 const LIGHT_KM_S: f64 = LIGHT_M_S * 1e-3;
@@ -104,20 +104,20 @@ impl Field<'_> {
         // margin for a curved path.
         let path_m = (state.velocity_m_s - mid.velocity_m_s).norm() * self.duration_s() / 2.0;
         let sweep = PI * path_m / range.max(1e-3);
-        let reach = (self.angle + WANDER + sweep).min(PI);
+        let reach = (self.angle + MAX_SHIFT + sweep).min(PI);
         range >= OWN_VEHICLE_M
             && line.dot(&self.axis) >= range * libm::cos(reach)
             && self.sides.iter().all(|side| {
-                let beyond = (side.beyond + WANDER + sweep).min(PI / 2.0);
+                let beyond = (side.beyond + MAX_SHIFT + sweep).min(PI / 2.0);
                 line.dot(&side.inward) >= -range * libm::sin(beyond)
             })
     }
 
     /// The inward normal of each side, and a bound: a fixed direction (unit vector, ICRF) may be
     /// within the side during the exposure if its product with the normal is at least that.
-    pub(crate) fn still_sides(&self) -> Vec<(Vector3<f64>, f64)> {
+    pub(crate) fn star_side_bounds(&self) -> Vec<(Vector3<f64>, f64)> {
         let sides = self.sides.iter().map(|side| {
-            let beyond = (side.beyond + WANDER).min(PI / 2.0);
+            let beyond = (side.beyond + MAX_SHIFT).min(PI / 2.0);
             (side.inward, -libm::sin(beyond))
         });
         sides.collect()
@@ -130,24 +130,24 @@ impl Field<'_> {
         let to_teme = rotation.transpose();
         let observer = to_teme * mid.position_m * 1e-3;
         let half_s = self.duration_s() / 2.0;
-        let path_km = (FASTEST_KM_S + mid.velocity_m_s.norm() * 1e-3) * half_s;
-        let path_km = path_km + BOUND_KM + ROUNDING_KM;
+        let margin_km = (FASTEST_KM_S + mid.velocity_m_s.norm() * 1e-3) * half_s;
+        let margin_km = margin_km + BOUND_KM + ROUNDING_KM;
         let axis = (to_teme * self.axis).into();
-        let angle = (self.angle + WANDER).min(PI);
+        let angle = (self.angle + MAX_SHIFT).min(PI);
         // The Earth hides nothing from an observer inside it.
-        let outside = observer.norm() > EARTH_KM + 100.0 + path_km;
+        let outside = observer.norm() > EARTH_KM + 100.0 + margin_km;
         Test {
             sun_km: to_teme * mid.bodies.sun_apparent_m() * 1e-3,
-            cone: Cone::new(observer.into(), axis, angle, path_km),
+            cone: Cone::new(observer.into(), axis, angle, margin_km),
             sides: self
                 .sides
                 .iter()
                 .map(|side| {
-                    let beyond = (side.beyond + WANDER).min(PI / 2.0);
+                    let beyond = (side.beyond + MAX_SHIFT).min(PI / 2.0);
                     (to_teme * side.inward, libm::sin(beyond))
                 })
                 .collect(),
-            earth_km: if outside { EARTH_KM - path_km } else { 0.0 },
+            earth_km: if outside { EARTH_KM - margin_km } else { 0.0 },
             reach_km: self.reach_m * 1e-3,
             bright,
         }
@@ -239,7 +239,7 @@ impl Test<'_> {
         // An object at range r in a direction `b` rad beyond a plane is r sin b beyond it. If it
         // moves by w, its range may be greater by w, too.
         let inside = |(inward, sin): &(Vector3<f64>, f64)| {
-            line.dot(inward) >= -(range + self.cone.path_km) * sin - self.cone.path_km
+            line.dot(inward) >= -(range + self.cone.margin_km) * sin - self.cone.margin_km
         };
         if !self.sides.iter().all(inside) {
             return None;
@@ -263,9 +263,9 @@ impl Test<'_> {
         // At the smallest phase angle of the exposure, where it is brightest.
         let to_sun = self.sun_km - observer - line;
         let phase = (-line.dot(&to_sun) / (range * to_sun.norm())).clamp(-1.0, 1.0);
-        let turn = PI * self.cone.path_km / range + WANDER;
+        let turn = PI * self.cone.margin_km / range + MAX_SHIFT;
         let area = bright.reflective_area((libm::acos(phase) - turn).max(0.0));
         let reach_km = self.reach_km * area.sqrt();
-        (range - self.cone.path_km > reach_km).then_some(Excluded::TooFaint)
+        (range - self.cone.margin_km > reach_km).then_some(Excluded::TooFaint)
     }
 }

@@ -17,17 +17,17 @@ pub struct Objects {
     all: Vec<Object>,
     sphere: Sphere,
     /// The known appearances, each once.
-    looks: Vec<Look>,
+    looks: Vec<Appearance>,
     /// Index of each object's appearance; [`PLAIN`] if unknown.
     look_of: Vec<u32>,
 }
 
 /// Appearances of objects, by object id.
-pub type Looks = BTreeMap<String, Look>;
+pub type Appearances = BTreeMap<String, Appearance>;
 
 /// The reflectance of an object.
 #[derive(Debug, Clone)]
-pub enum Look {
+pub enum Appearance {
     /// The same from all directions.
     Sphere(Sphere),
     /// A body with a shape and an attitude.
@@ -63,8 +63,8 @@ const PLAIN: u32 = u32::MAX;
 
 impl Objects {
     /// Objects, the known `looks` by object id, and a sphere for all others.
-    pub(crate) fn new(all: Vec<Object>, sphere: Sphere, looks: Looks) -> Objects {
-        let (ids, looks): (Vec<String>, Vec<Look>) = looks.into_iter().unzip();
+    pub(crate) fn new(all: Vec<Object>, sphere: Sphere, looks: Appearances) -> Objects {
+        let (ids, looks): (Vec<String>, Vec<Appearance>) = looks.into_iter().unzip();
         // The ids of a map are sorted.
         let of = |object: &Object| ids.binary_search(&object.id).map_or(PLAIN, |i| i as u32);
         Objects {
@@ -90,12 +90,12 @@ impl Objects {
             let sets = object.sets().count().saturating_sub(1) * size_of::<Elements>();
             size_of::<Object>() + text(&object.id) + held + names + sets
         };
-        let looks = self.looks.capacity() * size_of::<Look>();
+        let looks = self.looks.capacity() * size_of::<Appearance>();
         let look_of = self.look_of.capacity() * size_of::<u32>();
         self.all.iter().map(of).sum::<usize>() + looks + look_of
     }
 
-    fn look_at(&self, index: usize) -> Option<&Look> {
+    fn look_at(&self, index: usize) -> Option<&Appearance> {
         let look = self.look_of.get(index)?;
         self.looks.get(*look as usize)
     }
@@ -104,8 +104,8 @@ impl Objects {
     pub(crate) fn brightest(&self, index: usize) -> Bright {
         match self.look_at(index) {
             None => Bright::of(&self.sphere),
-            Some(Look::Sphere(sphere)) => Bright::of(sphere),
-            Some(Look::Body(_)) => Bright::ANY,
+            Some(Appearance::Sphere(sphere)) => Bright::of(sphere),
+            Some(Appearance::Body(_)) => Bright::ANY,
         }
     }
 
@@ -118,14 +118,14 @@ impl Objects {
         shutter: &Shutter,
         corrections: &Corrections,
     ) -> Result<SeenObject, OrbitError> {
-        let object = self.all[index].settled(shutter[1].epoch);
+        let object = self.all[index].with_set_at(shutter[1].epoch);
         let at = |i: usize| object_direction(|t| object.state(t), &shutter[i], corrections);
         let seen = [at(0)?, at(1)?, at(2)?];
-        Ok(self.lit(index, earth, shutter, corrections, seen))
+        Ok(self.seen_object(index, earth, shutter, corrections, seen))
     }
 
     /// An object and its light, from its appearance at the exposure's start, mid and end.
-    pub(crate) fn lit(
+    pub(crate) fn seen_object(
         &self,
         index: usize,
         earth: &Earth,
@@ -140,8 +140,8 @@ impl Objects {
         let phase = phase_angle(&to_sun, &(observer_m - apparent.seen_at_m));
         let reflective_area = match self.look_at(index) {
             None => self.sphere.reflective_area(phase),
-            Some(Look::Sphere(sphere)) => sphere.reflective_area(phase),
-            Some(Look::Body(body)) => body.mean_reflective_area(&Passage {
+            Some(Appearance::Sphere(sphere)) => sphere.reflective_area(phase),
+            Some(Appearance::Body(body)) => body.mean_reflective_area(&Passage {
                 observers: shutter,
                 seen: [&start, &apparent, &end],
                 sun_m,

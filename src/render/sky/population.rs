@@ -1,7 +1,7 @@
 //! The resident space objects of a scene, and which of them a camera sees.
 
 pub use super::field::OWN_VEHICLE_M;
-pub use super::objects::{Look, Looks, SeenObject, Shutter};
+pub use super::objects::{Appearance, Appearances, SeenObject, Shutter};
 pub use super::population_orbits::Seen;
 
 use super::apparent::Corrections;
@@ -24,7 +24,7 @@ pub struct Population {
 
 impl Population {
     /// Objects; the known `looks` by object id; and the sphere for all others.
-    pub fn new(objects: Vec<Object>, sphere: Sphere, looks: Looks) -> Population {
+    pub fn new(objects: Vec<Object>, sphere: Sphere, looks: Appearances) -> Population {
         Population {
             objects: Objects::new(objects, sphere, looks),
             population_orbits: OnceLock::new(),
@@ -45,8 +45,8 @@ impl Population {
 
     /// Indices of the objects that may be in the field during the exposure, in no order; and the
     /// reasons for missing positions, each object once.
-    pub fn before(&self, field: &Field<'_>) -> (Vec<usize>, Vec<OrbitError>) {
-        self.population_orbits().before(&self.objects, field)
+    pub fn candidates(&self, field: &Field<'_>) -> (Vec<usize>, Vec<OrbitError>) {
+        self.population_orbits().candidates(&self.objects, field)
     }
 
     /// The orbits, for one caller at a time.
@@ -60,7 +60,7 @@ impl Population {
     }
 
     /// Computes the tracks before their first use.
-    pub(crate) fn get_ready(&self) {
+    pub(crate) fn compute_tracks(&self) {
         drop(self.population_orbits());
     }
 

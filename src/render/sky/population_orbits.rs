@@ -62,8 +62,8 @@ impl PopulationOrbits {
         if tracks.is_empty() {
             others.extend(of.drain(..).map(|(index, _)| index));
         }
-        let moved = |object: &Object| matches!(object.orbit, Orbit::Ephemeris(_));
-        others.extend((0..objects.len() as u32).filter(|&i| moved(&objects[i as usize])));
+        let has_ephemeris = |object: &Object| matches!(object.orbit, Orbit::Ephemeris(_));
+        others.extend((0..objects.len() as u32).filter(|&i| has_ephemeris(&objects[i as usize])));
         others.sort_unstable();
         others.dedup();
         let bright = |&(index, _): &(u32, u32)| population.brightest(index as usize);
@@ -85,7 +85,7 @@ impl PopulationOrbits {
 
     /// Indices of the objects that may be in the field, with or without an image; and the reasons
     /// for missing positions, each object once.
-    pub fn before(
+    pub fn candidates(
         &mut self,
         population: &Objects,
         field: &Field<'_>,
@@ -127,7 +127,7 @@ impl PopulationOrbits {
             let (Found::Candidate(set) | Found::Excluded(set, _) | Found::Failed(set, _)) = one;
             let (index, number) = self.sets[set as usize];
             // Of several element sets the nearest in time counts.
-            let counts = || population.all()[index as usize].number_at(mid) as u32;
+            let counts = || population.all()[index as usize].set_index_at(mid) as u32;
             if number != SOLE && number != counts() {
                 continue;
             }

@@ -93,7 +93,7 @@ impl Propagation<'_> {
         let (shutter, rotations) = (self.field.shutter, &self.at.rotations);
         let failed = |(t, state): (&Epoch, &Result<StateVector, u8>)| Some((*t, state.err()?));
         if let Some((t, code)) = when.iter().zip(states).find_map(failed) {
-            let object = self.population.all()[index as usize].settled(shutter[1].epoch);
+            let object = self.population.all()[index as usize].with_set_at(shutter[1].epoch);
             return Some(Outcome::Failed(index, object.failure(t, code)));
         }
         let gcrf = |k: usize| Some((*states.get(k)?).ok()?.rotated(&rotations[k % 3]));
@@ -110,7 +110,9 @@ impl Propagation<'_> {
         let seen = |k: usize| apparent_object(now[k], before[k], &shutter[k], self.corrections);
         let seen = [seen(0), seen(1), seen(2)];
         let index = index as usize;
-        let seen = (self.population).lit(index, &self.earth, shutter, self.corrections, seen);
+        let seen = self
+            .population
+            .seen_object(index, &self.earth, shutter, self.corrections, seen);
         Some(Outcome::Seen(Arc::new(seen)))
     }
 
@@ -118,7 +120,7 @@ impl Propagation<'_> {
     fn alone(&self, index: u32) -> Option<Outcome> {
         let (population, shutter) = (self.population, self.field.shutter);
         let mid = shutter[1].epoch;
-        let object = population.all()[index as usize].settled(mid);
+        let object = population.all()[index as usize].with_set_at(mid);
         let state = match object.state_with(mid, &self.at.rotations[1]) {
             Ok(state) => state,
             Err(error) => return Some(Outcome::Failed(index, error)),

@@ -12,7 +12,7 @@ use std::ops::Range;
 /// Greatest angle (rad) of a star from its catalogue direction: Barnard's star moves 0.32 degrees
 /// in the 110 years to 2100; aberration adds up to 26 arcsec, deflection at most 6 (close behind
 /// the Sun), parallax at most 0.8.
-const WANDER: f64 = 0.35 * std::f64::consts::PI / 180.0;
+const MAX_SHIFT: f64 = 0.35 * std::f64::consts::PI / 180.0;
 
 /// Stars with their data that are the same in all frames.
 #[derive(Debug)]
@@ -178,7 +178,7 @@ impl StarField {
         observer: &Observer,
         corrections: &Corrections,
     ) -> Vec<SeenStar> {
-        let reach = angle + WANDER;
+        let reach = angle + MAX_SHIFT;
         let (sin, cos) = libm::sincos(reach);
         // All directions, regardless of rounding in products of unit vectors.
         let nearest = if reach < PI { cos } else { -2.0 };
@@ -252,7 +252,7 @@ mod tests {
             for angle in [1e-4, 0.03, 0.2, 1.0, 1.6, 3.0, 3.2] {
                 let seen = field.in_cone(&axis, angle, &observer, &Corrections::NONE);
                 let seen: Vec<usize> = seen.iter().map(|star| star.index).collect();
-                let (all, reach) = (0..directions.len(), angle + WANDER);
+                let (all, reach) = (0..directions.len(), angle + MAX_SHIFT);
                 let near = all.filter(|i| reach >= PI || directions[*i].dot(&axis) >= reach.cos());
                 assert_eq!(seen, near.collect::<Vec<_>>(), "{axis:?} {angle}");
             }

@@ -27,7 +27,7 @@ pub struct Sample {
 
 impl Sample {
     /// Whether its position and light are finite.
-    pub(crate) fn is_somewhere(&self) -> bool {
+    pub(crate) fn is_finite(&self) -> bool {
         self.at.iter().all(|x| x.is_finite()) && self.weight.is_finite()
     }
 

@@ -9,7 +9,7 @@ use skyloop::sky::apparent::{Corrections, Observer};
 use skyloop::sky::bodies::Bodies;
 use skyloop::sky::field::Field;
 use skyloop::sky::photometry::Sphere;
-use skyloop::sky::population::{Looks, Population};
+use skyloop::sky::population::{Appearances, Population};
 
 const POSITION_KM: Vector3<f64> = Vector3::new(7000.0, 0.0, 0.0);
 
@@ -41,7 +41,7 @@ fn an_object_nearer_than_its_path_is_seen() {
         let seen = behind <= 600.0;
         let start = POSITION_KM + Vector3::new(-behind, 5.0, 0.0) * 1e-3;
         let objects = oem("PASSER", mid, |s| (start + velocity * s, velocity));
-        let population = Population::new(objects, Sphere::default(), Looks::new());
+        let population = Population::new(objects, Sphere::default(), Appearances::new());
         let field = Field {
             axis: Vector3::x(),
             angle,
@@ -73,7 +73,7 @@ fn an_object_faster_than_escape_is_seen_at_the_end() {
     let start = POSITION_KM + Vector3::new(2000.0, -700.0, 0.0);
     let population = |start: Vector3<f64>| {
         let objects = oem("FLY-BY", mid, |s| (start + velocity * s, velocity));
-        Population::new(objects, Sphere::default(), Looks::new())
+        Population::new(objects, Sphere::default(), Appearances::new())
     };
     let field = Field {
         axis: Vector3::x(),

@@ -11,7 +11,7 @@ use skyloop::fidelity::Fidelity;
 use skyloop::orbit::StateVector;
 use skyloop::orbit::time::parse_utc;
 use skyloop::sky::photometry::Sphere;
-use skyloop::sky::population::Look;
+use skyloop::sky::population::Appearance;
 
 /// 1000 km above an observer that moves with it, the Sun to the side (ICRF, +x).
 const POSITION_KM: [f64; 3] = [0.0, 7000.0, 0.0];
@@ -45,7 +45,7 @@ fn listed(fidelity: Fidelity, rate: f64) -> Vec<String> {
             diameter_m: MIN_M * (4.0_f64 / 3.0).powi(i),
             ..Sphere::default()
         };
-        config.looks.insert(id, Look::Sphere(sphere));
+        config.looks.insert(id, Appearance::Sphere(sphere));
     }
     // The boresight is along ICRF +y, the camera's x axis along ICRF x.
     let half = std::f64::consts::FRAC_1_SQRT_2;

@@ -12,7 +12,7 @@ use skyloop::sky::bodies::{AU_M, Bodies, SUN_RADIUS_M};
 use skyloop::sky::body_attitude::BodyAttitude;
 use skyloop::sky::look::{Body, Passage};
 use skyloop::sky::photometry::{Sphere, diffuse_phase, magnitude};
-use skyloop::sky::population::{Look, Population, SeenObject};
+use skyloop::sky::population::{Appearance, Population, SeenObject};
 use skyloop::sky::shadow::Earth;
 use skyloop::sky::shape::{Lobe, Plate, Shape};
 use std::f64::consts::PI;
@@ -136,7 +136,7 @@ fn seen(body: Option<Body>, range_km: f64) -> SeenObject {
     let position = Vector3::new(-5200.0, 4000.0, 3000.0);
     let velocity = Vector3::new(-4.0, -6.0, 1.0);
     let objects = crate::oem::oem("OBJECT", mid(), crate::oem::falling(position, velocity));
-    let looks = body.map(|body| ("OBJECT".to_string(), Look::Body(Arc::new(body))));
+    let looks = body.map(|body| ("OBJECT".to_string(), Appearance::Body(Arc::new(body))));
     let population = Population::new(objects, Sphere::default(), looks.into_iter().collect());
     let bodies = Bodies::at(mid()).unwrap();
     let observer = |s: f64| Observer {

@@ -7,7 +7,7 @@ use skyloop::config::Config;
 use skyloop::load::Folder;
 use skyloop::load::orbits::several_sets;
 use skyloop::orbit::time::parse_utc;
-use skyloop::sky::population::Look;
+use skyloop::sky::population::Appearance;
 
 const PLATE: &str = "{ kind = \"plate\", area_m2 = 2.0, normal = [0, 0, 1] }";
 
@@ -61,8 +61,8 @@ fn entries_assign_bodies_to_objects() {
     // A selected object is not read again with its file. Paths are relative to the population file.
     assert_eq!(ids, ["NORAD 5", "NORAD 6251"]);
     assert!(config.rejected.is_empty());
-    assert!(matches!(&config.looks["NORAD 5"], Look::Body(_)));
-    let Look::Sphere(sphere) = &config.looks["NORAD 6251"] else {
+    assert!(matches!(&config.looks["NORAD 5"], Appearance::Body(_)));
+    let Appearance::Sphere(sphere) = &config.looks["NORAD 6251"] else {
         panic!("{:?}", config.looks);
     };
     let light = [sphere.reflectance, sphere.diffuse, sphere.specular];

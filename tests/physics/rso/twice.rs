@@ -4,7 +4,7 @@
 use super::{DELTA, VANGUARD};
 use skyloop::config::Config;
 use skyloop::load::Folder;
-use skyloop::sky::population::Look;
+use skyloop::sky::population::Appearance;
 
 /// An ephemeris of an object with this identifier.
 fn oem(id: &str) -> String {
@@ -72,7 +72,7 @@ fn an_entry_excludes_its_object_from_the_catalogue() {
     let scene = "[objects]\npopulation = \"population.toml\"\nfiles = [\"both.tle\"]\n";
     let config = load(scene, population, "1958-002B");
     assert_eq!(ids(&config), ["NORAD 6251", "NORAD 5"]);
-    let Look::Sphere(sphere) = &config.looks["NORAD 5"] else {
+    let Appearance::Sphere(sphere) = &config.looks["NORAD 5"] else {
         panic!("{:?}", config.looks);
     };
     assert_eq!(sphere.diameter_m, 2.0);
@@ -87,7 +87,7 @@ fn the_first_of_two_entries_applies_with_a_notice() {
     let config = load(scene, population, "1958-002B");
     assert_eq!(ids(&config), ["NORAD 5", "NORAD 6251"]);
     let diameter = |id: &str| match &config.looks[id] {
-        Look::Sphere(sphere) => sphere.diameter_m,
+        Appearance::Sphere(sphere) => sphere.diameter_m,
         other => panic!("{other:?}"),
     };
     assert_eq!((diameter("NORAD 5"), diameter("NORAD 6251")), (1.0, 2.0));

@@ -112,7 +112,7 @@ fn declared_errors_are_bounds(seeds: Range<u64>) {
         for (effect, verdict) in verdicts(bench, &case.choice) {
             let (measured, brightest) = if effect.random {
                 // Noise is measured below.
-                if !effect.is_foreseen() {
+                if !effect.is_drawn_with_scene() {
                     continue;
                 }
                 let measured = bench.error_e(effect, &case.choice).unwrap();

@@ -147,7 +147,7 @@ fn timed_denormal_light_does_not_slow_a_frame() {
     };
     let reading = Reading {
         bend: 0.0,
-        part_of_full: 1e-5,
+        inverse_full_well: 1e-5,
         shot_noise: 1.0,
         floor: 20.0,
         full_e: 1e5,

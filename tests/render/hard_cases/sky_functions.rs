@@ -121,7 +121,7 @@ fn sky_light_with_non_finite_positions() {
             let mut light = Vec::new();
             let mut evaluate = |limb: &Limb, line: &Vector3<f64>| {
                 light.extend(limb.parts(line));
-                light.extend([limb.radiance(line), limb.ground_share(line)]);
+                light.extend([limb.radiance(line), limb.ground_transmission(line)]);
             };
             for (at, sun) in either_corrupted(observer_m(), sun_m(), bad) {
                 if let Some(limb) = Limb::new(&AIR, at, sun, earth()) {

@@ -149,9 +149,9 @@ fn attitudes_after_a_wait_for_the_emulator_are_current() {
     config.objects.clear();
     std::thread::scope(|scope| {
         let running = scope.spawn(|| {
-            let computer = FlightComputer::new(port, mission).with_zero(Some(zero));
+            let computer = FlightComputer::new(port, mission).with_start_instant(Some(zero));
             let mut sent_s = Vec::new();
-            let report = computer.taking_only().run(|event| {
+            let report = computer.without_detection().run(|event| {
                 if let Event::Frame { frame, .. } = event {
                     let mid_s = (to_epoch(frame.mid_exposure) - start).to_seconds();
                     sent_s.push(mid_s - f64::from(frame.end.timing.attitude_age_s));

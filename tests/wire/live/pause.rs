@@ -16,7 +16,7 @@ use std::time::{Duration, Instant};
 
 const RATE_HZ: f64 = 50.0;
 /// X-Val: ten periods.
-const WHILE: Duration = Duration::from_millis(200);
+const PAUSE_TIME: Duration = Duration::from_millis(200);
 
 /// An emulator and its client with full credit and one sent attitude.
 fn started(clock: Clock) -> (Running, Client<MemoryLine>) {
@@ -42,7 +42,7 @@ fn paused<L: Line>(client: &mut Client<L>) -> (Vec<Received>, Status) {
     // A frame may be in rendering without any report: the counters must rest for a while.
     let mut before = client.status();
     await_that("no frame is in flight", || {
-        std::thread::sleep(WHILE);
+        std::thread::sleep(PAUSE_TIME);
         let now = client.status();
         let is_still =
             is_over(&now) && now.counters.frames_rendered == before.counters.frames_rendered;
@@ -78,7 +78,7 @@ fn wall_clock_exposures_and_time_stop_during_a_pause() {
     client.done(Command::FrameRate { hz: 25.0 });
     client.send(Command::SingleShot);
     client.refused(Reason::Busy, &["send Resume first"]);
-    std::thread::sleep(WHILE);
+    std::thread::sleep(PAUSE_TIME);
     assert_unchanged(&before, &client.status());
     let last_s = mid_s(&frames[frames.len() - 1]);
 
@@ -109,7 +109,7 @@ fn attitudes_during_a_pause_set_the_time() {
     paused(&mut client);
     let to = later(EPOCH, 300.0);
     client.point(attitude(2), to);
-    std::thread::sleep(WHILE);
+    std::thread::sleep(PAUSE_TIME);
     let counters = client.counters();
     assert_eq!(counters.attitudes, 2);
     client.done(Command::Resume);
@@ -134,7 +134,7 @@ fn stepped_attitudes_wait_during_a_pause() {
     }
     client.point(attitude(66), later(EPOCH, 66.0));
     client.refused(Reason::Busy, &[]);
-    assert!(client.recv(WHILE).is_none());
+    assert!(client.recv(PAUSE_TIME).is_none());
     let status = client.status();
     assert_eq!((status.sync, status.next_frame), (SyncState::Paused, 1));
     client.done(Command::Resume);
@@ -153,7 +153,7 @@ fn a_reset_ends_a_pause() {
         let (_emulator, mut client) = memory_client(quick(RATE_HZ), clock);
         client.done(Command::Pause);
         client.point(attitude(1), EPOCH);
-        assert!(client.recv(WHILE).is_none(), "{clock:?}");
+        assert!(client.recv(PAUSE_TIME).is_none(), "{clock:?}");
         client.done(Command::Reset);
         assert_ne!(client.status().sync, SyncState::Paused);
         client.good_frame(2);
@@ -190,7 +190,7 @@ fn external_clock_pauses_may_have_any_length() {
     // Neither a stopped client clock nor a step of an hour counts as a jump.
     for (sequence, s) in [(2, 0.05), (3, 0.05), (4, 3600.0)] {
         client.point(attitude(sequence), later(EPOCH, s));
-        std::thread::sleep(WHILE);
+        std::thread::sleep(PAUSE_TIME);
     }
     let status = client.status();
     assert_eq!(status.sync, SyncState::Paused);
@@ -290,7 +290,7 @@ fn attitudes_with_a_pause() -> Option<u32> {
     let after = Duration::from_millis(100);
     let computer = FlightComputer::new(port, mission)
         .with_pause(Some(Pause { after, lasts }))
-        .taking_only();
+        .without_detection();
     let began = Instant::now();
     let report = computer.run(|_| ControlFlow::Continue(())).ok()?;
     assert_eq!(report.refused, 0);

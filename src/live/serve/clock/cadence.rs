@@ -21,7 +21,7 @@ pub(crate) struct Cadence {
     /// End of the present exposure; none without one.
     next: Option<Instant>,
     /// Whether no exposure follows it until a rate is set, as after a single shot.
-    rests: bool,
+    is_last: bool,
     /// End of the exposure that waits for its frame, and its scene time if a pause began since.
     ended: Option<(Instant, Option<Epoch>)>,
     /// End of the commanded single shot, until its frame is taken.
@@ -43,7 +43,7 @@ impl Cadence {
             period: period(rate_hz),
             latency,
             next: None,
-            rests: false,
+            is_last: false,
             ended: None,
             single_shot: None,
             zero: None,
@@ -82,7 +82,7 @@ impl Cadence {
             // A waiting exposure takes the new scene time, except after a pause.
             self.ended = self.ended.map(|(end, _)| (end, None));
         }
-        if !self.rests && !self.paused {
+        if !self.is_last && !self.paused {
             self.next = Some(at + self.period);
         }
     }
@@ -115,7 +115,8 @@ impl Cadence {
             return;
         }
         self.zero = self.zero.map(|(scene, _)| (scene, at));
-        self.next = self.zero.filter(|_| !self.rests).map(|_| at + self.period);
+        let follows = self.zero.is_some() && !self.is_last;
+        self.next = follows.then(|| at + self.period);
     }
 
     pub fn latency(&self) -> Duration {
@@ -153,7 +154,7 @@ impl Cadence {
     }
 
     /// Advances the scene time by `ahead_s`; exposures keep their scene times.
-    pub fn set_ahead(&mut self, ahead_s: f64) {
+    pub fn advance_scene_time(&mut self, ahead_s: f64) {
         let earlier = |at: Instant| {
             let by = Duration::from_secs_f64(ahead_s.abs().min(1.0));
             if ahead_s < 0.0 {
@@ -194,7 +195,7 @@ impl Cadence {
     pub fn set_rate(&mut self, rate_hz: f64, arrived: Instant) {
         self.advance(arrived);
         let before = std::mem::replace(&mut self.period, period(rate_hz));
-        self.rests = false;
+        self.is_last = false;
         self.next = match self.next {
             None if self.paused => None,
             None => self.zero.map(|_| arrived + self.period),
@@ -211,13 +212,12 @@ impl Cadence {
         };
     }
 
-    /// Exposes one frame from `arrived` on, then none until a rate is set. The exposure time is
-    /// clamped to [`EXPOSURE_S`].
+    /// Exposes one frame from `arrived` on, clamped to [`EXPOSURE_S`]; then none until a rate.
     pub fn single_shot(&mut self, exposure_s: f64, arrived: Instant) {
         self.advance(arrived);
         self.next = Some(arrived + Duration::from_secs_f64(nearest(exposure_s, EXPOSURE_S)));
         self.single_shot = self.next;
-        self.rests = true;
+        self.is_last = true;
     }
 
     /// Whether a single shot is exposed or waits for its frame.
@@ -255,14 +255,14 @@ impl Cadence {
         let Some(end) = self.next.filter(|end| *end <= now) else {
             return;
         };
-        let more = if self.rests {
+        let more = if self.is_last {
             0
         } else {
             let periods = now.duration_since(end).as_nanos() / self.period.as_nanos().max(1);
             u32::try_from(periods).unwrap_or(u32::MAX)
         };
         let newest = end + self.period.saturating_mul(more);
-        self.next = (!self.rests).then(|| newest + self.period);
+        self.next = (!self.is_last).then(|| newest + self.period);
         let waited = u32::from(self.ended.is_some());
         self.missed = self.missed.wrapping_add(more).wrapping_add(waited);
         self.ended = Some((self.single_shot.unwrap_or(newest), None));
@@ -485,7 +485,7 @@ mod tests {
     fn advanced_scene_time_does_not_change_exposure_times() {
         for ahead_s in [0.03, -0.03] {
             let Rig { mut clock, zero } = Rig::new(10.0);
-            clock.set_ahead(ahead_s);
+            clock.advance_scene_time(ahead_s);
             let off = (clock.scene_at(zero).unwrap() - scene()).to_seconds() - ahead_s;
             assert!(off.abs() < 1e-9, "{off}");
             // X-Val: 100 ms after the first attitude, in scene time.

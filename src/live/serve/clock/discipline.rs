@@ -38,7 +38,7 @@ pub(super) enum Correction {
 }
 
 /// Whether the offset is too large for a transit time: a clock step, or a wrong time stamp.
-pub(super) fn is_set(stamp: Epoch, own: Epoch) -> bool {
+pub(super) fn is_clock_step(stamp: Epoch, own: Epoch) -> bool {
     (stamp - own).to_seconds().abs() > JUMP_S
 }
 
@@ -46,7 +46,7 @@ impl Discipline {
     /// Evaluates a time stamp that arrived at scene time `own`.
     pub fn observe(&mut self, stamp: Epoch, own: Epoch) -> Correction {
         let ahead_s = (stamp - own).to_seconds();
-        if is_set(stamp, own) {
+        if is_clock_step(stamp, own) {
             let similar = self
                 .candidate
                 .filter(|(first_s, _)| (ahead_s - first_s).abs() <= SIMILAR_S);

@@ -1,7 +1,7 @@
 //! Exposures at the camera's cadence or at triggers, in this machine's time or the client's.
 
 use super::cadence::Cadence;
-use super::discipline::{Correction, Discipline, is_set};
+use super::discipline::{Correction, Discipline, is_clock_step};
 use super::due::{Due, MAX_WAITING, Sync, TimeCheck, TriggerRequest, full, no_triggers};
 use super::exposure_clock::ExposureClock;
 use crate::serve::history::Latched;
@@ -64,7 +64,7 @@ impl Paced {
     /// counts as a clock step if triggers wait: they would wait until the old time comes again.
     fn first_after_pause(&mut self, time: Epoch) -> TimeCheck {
         let before = self.paused_at.filter(|paused| time < *paused);
-        let is_set_back = before.is_some_and(|paused| is_set(time, paused));
+        let is_set_back = before.is_some_and(|paused| is_clock_step(time, paused));
         let waits = self.triggers.as_ref().is_some_and(|all| !all.is_empty());
         if is_set_back && waits {
             self.paused_at = Some(time);
@@ -114,7 +114,7 @@ impl ExposureClock for Paced {
         match client.discipline.observe(time, own) {
             Correction::Slew(ahead_s) => {
                 client.last_stamp = Some(arrived);
-                self.cadence.set_ahead(ahead_s);
+                self.cadence.advance_scene_time(ahead_s);
                 TimeCheck::Consistent
             }
             Correction::Doubt(ahead_s) => TimeCheck::Doubtful(ahead_s),

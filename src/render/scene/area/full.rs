@@ -2,7 +2,7 @@
 //! there and need not be evaluated. The criterion:
 //!
 //! ```text
-//! responds * sum over sources of N_xy > 2 (2 full well + 100)
+//! min_response * sum over sources of N_xy > 2 (2 full well + 100)
 //! ```
 //!
 //! at all corners of a cell and of those around it, as far as light is spread and moves during the
@@ -81,8 +81,8 @@ impl Full {
     ) -> Full {
         let detector = &view.camera.detector;
         let areas: Vec<&Area> = areas.filter(|area| simulated.has(area.effect)).collect();
-        let responds = 1.0 - detector.pattern.worst_response();
-        let enough_e = MARGIN * flooding_e(detector) / responds.max(f64::MIN_POSITIVE);
+        let min_response = 1.0 - detector.pattern.worst_response();
+        let enough_e = MARGIN * flooding_e(detector) / min_response.max(f64::MIN_POSITIVE);
         let peak_e: f64 = areas.iter().map(|area| area.peak_e).sum();
         if !simulated.has(EffectId::FullWell) || peak_e < enough_e || fidelity.area_part < MIN_PART
         {
@@ -189,9 +189,9 @@ impl<'a, 'v> Sky<'a, 'v> {
     fn e(&self, at: [f64; 2]) -> f64 {
         let light = self.sources.iter().filter_map(|(area, plane, scale_e)| {
             let radiance = area.radiance.as_ref().ok()?;
-            let (seen, taken) = plane.taken(at)?;
+            let (seen, solid_angle_sr) = plane.solid_angle_sr(at)?;
             let sky = plane.to_sky(plane.open_s(at[1])[0]);
-            Some(received(radiance.as_ref(), &(sky * seen), taken) * scale_e)
+            Some(received(radiance.as_ref(), &(sky * seen), solid_angle_sr) * scale_e)
         });
         light.sum()
     }

@@ -80,12 +80,12 @@ impl<'a, 'v> Grid<'a, 'v> {
         if self.plane.limit().is_over() {
             return None;
         }
-        let (seen, taken) = self.plane.taken([x, y])?;
+        let (seen, solid_angle_sr) = self.plane.solid_angle_sr([x, y])?;
         let [middle_s, duration_s] = self.plane.open_s(y);
         let moved_px = self.motion * self.plane.scale_px();
         let light = |part: f64| {
             let sky = self.plane.to_sky(middle_s + (part - 0.5) * duration_s);
-            self.light(&(sky * seen), taken)
+            self.light(&(sky * seen), solid_angle_sr)
         };
         let bent = |value: f64| BEND * self.may_miss(value);
         let (mean, evaluations) = match panels(self.radiance, moved_px) {
@@ -99,8 +99,8 @@ impl<'a, 'v> Grid<'a, 'v> {
         Some(mean)
     }
 
-    /// The light from a direction on a pixel of `taken` sr, e-.
-    pub fn light(&self, direction: &Vector3<f64>, taken: f64) -> f64 {
-        received(self.radiance, direction, taken) * self.scale_e
+    /// The light from a direction on a pixel of `solid_angle_sr`, e-.
+    pub fn light(&self, direction: &Vector3<f64>, solid_angle_sr: f64) -> f64 {
+        received(self.radiance, direction, solid_angle_sr) * self.scale_e
     }
 }

@@ -65,9 +65,11 @@ fn brightest_e(radiance: &dyn Radiance, plane: &Plane<'_>) -> f64 {
             part(i % SAMPLES) * (columns - 1.0),
             part(i / SAMPLES) * (rows - 1.0),
         ];
-        plane.taken(at).map_or(0.0, |(seen, taken)| {
-            received(radiance, &(sky * seen), taken) * scale_e
-        })
+        plane
+            .solid_angle_sr(at)
+            .map_or(0.0, |(seen, solid_angle_sr)| {
+                received(radiance, &(sky * seen), solid_angle_sr) * scale_e
+            })
     });
     samples.fold(0.0, f64::max)
 }

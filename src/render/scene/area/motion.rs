@@ -3,7 +3,7 @@
 use super::radiance::Radiance;
 
 /// Motion (px) below which a pattern hidden inside its edge counts as still.
-pub(crate) const SQUARE: usize = 32;
+pub(crate) const MIN_SQUARE_PX: usize = 32;
 /// Longest initial panel of Simpson's rule along a path, px.
 const PANEL_PX: f64 = 4.0;
 /// Greatest number of halvings of a panel.
@@ -16,7 +16,7 @@ pub(crate) fn panels(radiance: &dyn Radiance, moved_px: f64) -> usize {
     let (still_px, panel_px) = if radiance.is_of_pixels() {
         return 0;
     } else if radiance.is_hidden_inside() {
-        (SQUARE as f64, SQUARE as f64)
+        (MIN_SQUARE_PX as f64, MIN_SQUARE_PX as f64)
     } else {
         (1.0, PANEL_PX)
     };

@@ -16,7 +16,8 @@ pub(crate) struct Patch {
     at: [f64; 2],
     /// Its side, px.
     size: f64,
-    /// Direction of its middle (unit vector, camera axes) and solid angle, see [`Plane::taken`].
+    /// Direction of its middle (unit vector, camera axes) and solid angle, see
+    /// [`Plane::solid_angle_sr`].
     pub middle: (Vector3<f64>, f64),
     /// The same of the four nodes of Gauss's rule.
     pub places: [Option<(Vector3<f64>, f64)>; 4],
@@ -27,10 +28,10 @@ pub(crate) struct Patch {
 impl Patch {
     /// The patch of `size` px around a position (px); none where the position has no direction.
     pub(crate) fn new(plane: &Plane<'_>, [x, y]: [f64; 2], size: f64) -> Option<Patch> {
-        let middle = plane.taken([x, y])?;
+        let middle = plane.solid_angle_sr([x, y])?;
         let places = [[-1.0, -1.0], [1.0, -1.0], [-1.0, 1.0], [1.0, 1.0]]
             .map(|off| off.map(|off: f64| off * GAUSS * size))
-            .map(|[u, v]| plane.taken([x + u, y + v]));
+            .map(|[u, v]| plane.solid_angle_sr([x + u, y + v]));
         let off = places.iter().flatten();
         let off = off.map(|(seen, _)| (seen - middle.0).norm());
         Some(Patch {

@@ -55,7 +55,7 @@ impl<'a> Plane<'a> {
     /// Clark et al. 2021, Eq. (4), `E = L IFOV^2`, holds on the boresight of a pinhole. In general
     /// the pixel has its own solid angle ([`Projection::solid_angle`]), and vignetting applies as
     /// to stars. `cos^4` is the law of an evenly bright scene and includes the solid angle.
-    pub fn taken(&self, at: [f64; 2]) -> Option<(Vector3<f64>, f64)> {
+    pub fn solid_angle_sr(&self, at: [f64; 2]) -> Option<(Vector3<f64>, f64)> {
         let seen = self.seen_at(at)?;
         let optics = &self.camera().optics;
         if self.vignetted && optics.vignetting == Vignetting::Cos4 {
@@ -71,8 +71,8 @@ impl<'a> Plane<'a> {
         Some((seen, solid_angle * passes))
     }
 
-    /// Time of [`Plane::taken`], ns. It inverts the projection: by Newton's method, except for a
-    /// pinhole.
+    /// Time of [`Plane::solid_angle_sr`], ns. It inverts the projection: by Newton's method, except
+    /// for a pinhole.
     pub fn place_ns(&self) -> f64 {
         match self.projection.model() {
             Model::Pinhole => 50.0,
@@ -140,8 +140,16 @@ impl<'a> Plane<'a> {
     }
 }
 
-/// The light from a direction on a pixel of `taken` sr, for a scale of 1.
-pub(crate) fn received(radiance: &dyn Radiance, direction: &Vector3<f64>, taken: f64) -> f64 {
-    let taken = if radiance.is_of_pixels() { 1.0 } else { taken };
-    radiance.seen(direction) * taken
+/// The light from a direction on a pixel of `solid_angle_sr`, for a scale of 1.
+pub(crate) fn received(
+    radiance: &dyn Radiance,
+    direction: &Vector3<f64>,
+    solid_angle_sr: f64,
+) -> f64 {
+    let solid_angle_sr = if radiance.is_of_pixels() {
+        1.0
+    } else {
+        solid_angle_sr
+    };
+    radiance.seen(direction) * solid_angle_sr
 }

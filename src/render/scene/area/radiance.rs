@@ -88,7 +88,7 @@ impl Area {
     }
 
     /// Angular speed of its own motion, rad/s.
-    pub(crate) fn swing(&self) -> f64 {
+    pub(crate) fn angular_speed(&self) -> f64 {
         let radiance = self.radiance.as_ref();
         radiance.map_or(0.0, |radiance| radiance.turning().norm())
     }

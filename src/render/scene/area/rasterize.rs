@@ -11,7 +11,7 @@ use super::grid::{Grid, LARGEST, SMALLEST};
 use super::known::Known;
 use super::light::Light;
 use super::lines::{Lines, Square};
-use super::motion::SQUARE;
+use super::motion::MIN_SQUARE_PX;
 use super::near;
 use super::plane::Plane;
 use super::radiance::Radiance;
@@ -102,7 +102,7 @@ fn largest(radiance: &dyn Radiance, plane: &Plane<'_>, [columns, rows]: [usize; 
     let detail_px = radiance.detail() * plane.scale_px();
     let max_px = detail_px.min(columns.min(rows) as f64 / 4.0);
     let mut side = LARGEST;
-    while side > SQUARE && side as f64 > max_px {
+    while side > MIN_SQUARE_PX && side as f64 > max_px {
         side /= 2;
     }
     side
@@ -154,12 +154,13 @@ impl Refinement<'_, '_, '_> {
         };
         let half = square.side as f64 / 2.0;
         let middle = [square.x as f64 + half, square.y as f64 + half];
-        let Some((seen, _)) = plane.taken(middle) else {
+        let Some((seen, _)) = plane.solid_angle_sr(middle) else {
             return true;
         };
         let corners = [[-1.0, -1.0], [1.0, -1.0], [-1.0, 1.0], [1.0, 1.0]];
         let radius = corners.iter().map(|[x, y]| {
-            let corner = plane.taken([middle[0] + x * (half + 1.0), middle[1] + y * (half + 1.0)]);
+            let corner =
+                plane.solid_angle_sr([middle[0] + x * (half + 1.0), middle[1] + y * (half + 1.0)]);
             corner.map_or(f64::INFINITY, |(corner, _)| (corner - seen).norm())
         });
         let radius = radius.fold(0.0, f64::max) + self.grid.motion / 2.0;

@@ -168,8 +168,8 @@ impl Sampler<'_, '_, '_> {
             }
             work.edges += evaluations / skies.len().max(1);
             work.lights += 1;
-            let (seen, taken) = patch.middle;
-            let light = self.grid.radiance.toward(&(middle * seen)) * taken;
+            let (seen, solid_angle_sr) = patch.middle;
+            let light = self.grid.radiance.toward(&(middle * seen)) * solid_angle_sr;
             return light * self.grid.scale_e * outside / count;
         }
         let (mut sum, mut evaluations, mut edges) = (0.0, 0, 0);
@@ -177,7 +177,8 @@ impl Sampler<'_, '_, '_> {
             && patch.is_clear(self.grid.radiance.edge(), &middle, self.grid.motion)
         {
             let places = patch.places.iter().flatten();
-            let lights = places.map(|(seen, taken)| self.grid.light(&(middle * seen), *taken));
+            let lights = places
+                .map(|(seen, solid_angle_sr)| self.grid.light(&(middle * seen), *solid_angle_sr));
             work.lights += 4;
             work.edges += 1;
             return lights.sum::<f64>() / 4.0;
@@ -185,9 +186,9 @@ impl Sampler<'_, '_, '_> {
         for (sky, crossing) in crossings {
             let (mut sides, mut counts) = ([0.0; 2], [0.0; 2]);
             for (position, edge) in patch.places.iter().zip(crossing.places) {
-                if let Some((seen, taken)) = position {
+                if let Some((seen, solid_angle_sr)) = position {
                     let side = usize::from(edge > 0.0);
-                    sides[side] += self.grid.light(&(sky * seen), *taken);
+                    sides[side] += self.grid.light(&(sky * seen), *solid_angle_sr);
                     counts[side] += 1.0;
                 }
             }
@@ -197,9 +198,12 @@ impl Sampler<'_, '_, '_> {
                     sum += part * sides[side] / counts[side];
                 } else if part > 0.0 {
                     // This side of the edge has no node: its corner represents it.
-                    let corner = self.grid.plane.taken(patch.corner(&crossing, side));
-                    sum += corner.map_or(0.0, |(seen, taken)| {
-                        part * self.grid.light(&(sky * seen), taken)
+                    let corner = self
+                        .grid
+                        .plane
+                        .solid_angle_sr(patch.corner(&crossing, side));
+                    sum += corner.map_or(0.0, |(seen, solid_angle_sr)| {
+                        part * self.grid.light(&(sky * seen), solid_angle_sr)
                     });
                 }
             }

@@ -38,13 +38,13 @@ pub(crate) fn areas_with(scene: &Scene, other: &EffectSet) -> TotalAreaLight {
 
 /// The greatest error of light that is not evaluated in full pixels, compared with the effects
 /// `other`, which have no full wells, e-.
-pub fn straightened_e(scene: &Scene, other: &EffectSet) -> f64 {
+pub fn full_pixel_error_e(scene: &Scene, other: &EffectSet) -> f64 {
     let others = areas_with(scene, other);
     if scene.is_cancelled() {
         return 0.0;
     }
     let [current_e, others_e] = [scene.areas_light.e(), others.e()];
-    f64::from(reduce::max_difference(current_e, others_e)) * scene.responds()
+    f64::from(reduce::max_difference(current_e, others_e)) * scene.max_response()
 }
 
 /// Bound of the change of a pixel if area light moves by `px`, from the steepest step between two
@@ -71,13 +71,13 @@ pub(crate) fn areas_moved_e(scene: &Scene, px: f64) -> f64 {
     });
     let greater = |a: [f32; 2], b: [f32; 2]| [a[0].max(b[0]), a[1].max(b[1])];
     let [across, down] = slopes.reduce(|| [0.0; 2], greater).map(f64::from);
-    STEEPER * px * libm::hypot(across, down) * scene.responds()
+    STEEPER * px * libm::hypot(across, down) * scene.max_response()
 }
 
 /// Estimate of the greatest change of a pixel's area light between the effects `a` and `b`, by its
 /// solid angle and transmission, e-. Both are relative to the ideal pixel for which the peaks are
 /// computed.
-pub fn areas_taken_e(view: &View, a: &EffectSet, b: &EffectSet) -> f64 {
+pub fn areas_transmission_change_e(view: &View, a: &EffectSet, b: &EffectSet) -> f64 {
     let of_sky = view.areas.iter().filter(|area| {
         let radiance = area.radiance.as_ref();
         radiance.is_ok_and(|radiance| !radiance.is_of_pixels())
@@ -92,8 +92,8 @@ pub fn areas_taken_e(view: &View, a: &EffectSet, b: &EffectSet) -> f64 {
     let [columns, rows] = view.camera.detector.sides();
     let parts = (0..SAMPLES * SAMPLES).filter_map(|i| {
         let at = [position(i % SAMPLES, columns), position(i / SAMPLES, rows)];
-        let taken = |plane: &Plane<'_>| Some(plane.taken(at)?.1);
-        let [ideal, a, b] = [&planes[0], &planes[1], &planes[2]].map(taken);
+        let solid_angle_sr = |plane: &Plane<'_>| Some(plane.solid_angle_sr(at)?.1);
+        let [ideal, a, b] = [&planes[0], &planes[1], &planes[2]].map(solid_angle_sr);
         let difference = (a.unwrap_or(0.0) - b.unwrap_or(0.0)).abs();
         Some(difference / ideal.filter(|ideal| *ideal > 0.0)?)
     });
@@ -132,7 +132,7 @@ pub fn areas_changed_e(scene: &Scene, other: &EffectSet, px: f64) -> f64 {
         }
     }
     let transfer_smear = columns_e.iter().map(|e| e.abs()).fold(0.0, f64::max);
-    let max_e = max_e * scene.responds() + transfer_smear * scene.transfer_smear_fraction();
+    let max_e = max_e * scene.max_response() + transfer_smear * scene.transfer_smear_fraction();
     let columns = &scene.blooming.columns;
     if columns.is_empty() || scene.is_cancelled() {
         return max_e;

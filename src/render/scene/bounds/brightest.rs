@@ -87,7 +87,7 @@ pub(crate) fn areas_min_e(scene: &Scene, parts: &EffectSet) -> Vec<f64> {
             floors.iter_mut().for_each(|floor| *floor += f64::from(e));
         }
     }
-    let min_response = 2.0 - scene.responds();
+    let min_response = 2.0 - scene.max_response();
     floors.iter_mut().for_each(|floor| *floor *= min_response);
     floors
 }
@@ -95,5 +95,5 @@ pub(crate) fn areas_min_e(scene: &Scene, parts: &EffectSet) -> Vec<f64> {
 /// The least charge of a pixel from an area source, e-.
 pub(crate) fn min_charge_e(scene: &Scene, area: &AreaLight) -> f64 {
     let min_e = area.floor_e().reduce(f32::min).unwrap_or(0.0);
-    f64::from(min_e) * (2.0 - scene.responds())
+    f64::from(min_e) * (2.0 - scene.max_response())
 }

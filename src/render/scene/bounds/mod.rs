@@ -19,13 +19,13 @@ pub mod image;
 pub mod points;
 pub mod wells;
 
-pub use areas::{areas_changed_e, areas_taken_e, straightened_e};
+pub use areas::{areas_changed_e, areas_transmission_change_e, full_pixel_error_e};
 pub use brightest::{area_lit_e, lit_e, lit_where, transfer_smear_of};
 pub use image::{
     BoundChange, Image, STEEPEST, STEEPEST_STREAK, dimming_px, lines_of_sight, rolled,
 };
 pub use points::changed_e;
 pub use wells::{
-    BELOW_NOISE, final_change_e, find_blooming, greatest, held_e, held_of, is_below_noise,
+    ALL_FULL, final_change_e, find_blooming, greatest, held_e, held_of, is_flooded_without,
     max_difference, of_cells, with_transfer_smear,
 };

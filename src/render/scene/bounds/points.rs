@@ -4,7 +4,7 @@ use super::cells::CELL;
 use super::compared::{Compared, Peak, compare};
 use super::image::{BoundChange, Image};
 use super::wells::{fill, max_difference};
-use crate::scene::charge::{light_e, turn};
+use crate::scene::charge::{light_e, light_to_charge};
 use crate::scene::content::Scene;
 use crate::scene::effect_set::{EffectId, EffectSet};
 use crate::scene::source::Source;
@@ -84,10 +84,10 @@ struct Part {
 impl Part {
     fn of(scene: &Scene, full: f64, column: usize, peak: &Peak, filled: Option<&Filled>) -> Part {
         let detector = &scene.view.camera.detector;
-        let (smear, responds) = (scene.transfer_smear_fraction(), scene.responds());
+        let (smear, max_response) = (scene.transfer_smear_fraction(), scene.max_response());
         let [known, bound] = [
             peak.known + smear * peak.all[0],
-            peak.bound * responds + smear * peak.all[1],
+            peak.bound * max_response + smear * peak.all[1],
         ];
         let fills = scene.simulated.has(EffectId::FullWell)
             && scene.brightest_of_cells(column) + known + bound >= detector.full_well_e;
@@ -114,7 +114,7 @@ impl Part {
                 };
                 Part {
                     known: filled.change_e,
-                    bound: (max_bound + passed) * responds
+                    bound: (max_bound + passed) * max_response
                         + smear * peak.all[1] * (1.0 + filled.full),
                     overflows: true,
                     ..own
@@ -147,7 +147,7 @@ impl Filled {
         let without = without.map(|(e, change)| (e + change).max(0.0)).collect();
         let mut full = 0.0f64;
         let [with, without] = [with, without].map(|mut charge: Vec<f64>| {
-            turn(scene, &mut charge, &listed, &scene.simulated);
+            light_to_charge(scene, &mut charge, &listed, &scene.simulated);
             for column in charge.chunks_exact_mut(detector.height) {
                 full = full.max(column.iter().sum::<f64>() / detector.full_well_e);
                 fill(column, detector);

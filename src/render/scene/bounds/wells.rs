@@ -9,7 +9,7 @@ use crate::camera::{Blooming, Detector};
 use crate::kernels::Bloom;
 use crate::scene::area::area_light::AreaLight;
 use crate::scene::blooming::{BloomingColumns, drawn_e, flooding_e};
-use crate::scene::charge::{expected_e, in_groups, light_e, turn};
+use crate::scene::charge::{expected_e, in_groups, light_e, light_to_charge};
 use crate::scene::content::Scene;
 use crate::scene::effect_set::{EffectId, EffectSet};
 
@@ -83,7 +83,7 @@ pub fn held_e(scene: &Scene, columns: &[usize], parts: &EffectSet) -> Vec<f64> {
 
 /// Converts the light on `columns` to the charge that their pixels hold, e-.
 pub(crate) fn hold(scene: &Scene, light: &mut [f64], columns: &[usize], parts: &EffectSet) {
-    turn(scene, light, columns, parts);
+    light_to_charge(scene, light, columns, parts);
     if parts.has(EffectId::FullWell) {
         let detector = &scene.view.camera.detector;
         let columns = light.chunks_exact_mut(detector.height);
@@ -102,11 +102,11 @@ pub fn greatest(
 }
 
 /// Why an effect is not needed if all pixels are full of other light.
-pub const BELOW_NOISE: &str = "all pixels are full of other light";
+pub const ALL_FULL: &str = "all pixels are full of other light";
 
 /// Whether one area source fills all pixels with or without an effect. False for that source's own
 /// effect.
-pub fn is_below_noise(scene: &Scene, effect: EffectId) -> bool {
+pub fn is_flooded_without(scene: &Scene, effect: EffectId) -> bool {
     let without = scene.simulated.without(effect);
     let flood = scene
         .blooming

@@ -23,7 +23,7 @@ pub(crate) const RAYLEIGH: f64 = 1e10 / (4.0 * PI);
 
 /// Altitude and thickness of a layer.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Place {
+pub struct Layer {
     /// Altitude of the peak, m.
     pub peak_m: f64,
     /// Scale height, m.
@@ -32,30 +32,30 @@ pub struct Place {
 
 /// Hydroxyl, and the continuum, for which Noll et al. 2012 assume the same height: 87 km, 8 to 9 km
 /// wide (Dunker 2018, Ann. Geophys. 36: the commonly assumed 87 km and 8 km; 8.4 km).
-const HYDROXYL: Place = Place {
+const HYDROXYL: Layer = Layer {
     peak_m: 87e3,
     scale_m: 3.4e3,
 };
 /// Molecular oxygen: 94 +- 1 km (Watanabe et al. 1981, J. Geophys. Res. 86, 5768, from rockets);
 /// its width is assumed to be hydroxyl's.
-const OXYGEN_MOLECULES: Place = Place {
+const OXYGEN_MOLECULES: Layer = Layer {
     peak_m: 94e3,
     scale_m: 3.8e3,
 };
 /// Sodium: near 92 km (Mende et al. 1993, J. Geophys. Res. 98, 19117, from a shuttle at the limb).
-const SODIUM: Place = Place {
+const SODIUM: Layer = Layer {
     peak_m: 92e3,
     scale_m: 3.6e3,
 };
 /// The green line of atomic oxygen: 97 km ("Intensity profiles of the 6300-A and 5577-A O I lines
 /// in the night airglow", J. Geophys. Res. 1968, from rockets); its width is assumed to be
 /// hydroxyl's. A tenth of it, in the F layer, is omitted.
-const GREEN: Place = Place {
+const GREEN: Layer = Layer {
     peak_m: 97e3,
     scale_m: 3.8e3,
 };
 /// The red lines: 245 km, in the F layer, by the same rockets; some 100 km wide.
-const RED: Place = Place {
+const RED: Layer = Layer {
     peak_m: 245e3,
     scale_m: 40e3,
 };
@@ -65,7 +65,7 @@ const RED: Place = Place {
 /// Atoms: PALACE v1.0 (Noll et al. 2025, Geosci. Model Dev. 18, 4353), reference intensities.
 /// Molecular oxygen: its (0-1) band by the same model, 344 R; the (0-0) band, which never reaches
 /// ground, is 18.65 times as bright by the Einstein coefficients of HITRAN 2020.
-const LINES: [(f64, f64, Place); 10] = [
+const LINES: [(f64, f64, Layer); 10] = [
     (557.7, 163.0, GREEN),
     (589.0, 23.5, SODIUM),
     (589.6, 13.4, SODIUM),
@@ -123,15 +123,15 @@ const CONTINUUM_R_NM: f64 = 79.8 / 0.018_704 * 1e-3;
 #[derive(Debug, Clone, PartialEq)]
 pub struct Airglow {
     /// Each layer with light in the band, and its zenith brightness there, ph/s/m^2/sr.
-    layers: Vec<(Place, f64)>,
+    layers: Vec<(Layer, f64)>,
 }
 
 impl Airglow {
     /// In `band`, with each line weighted by the band's response.
     pub(crate) fn of(band: &Band) -> Airglow {
-        let lines = LINES.iter().map(|&(nm, rayleigh, position)| {
+        let lines = LINES.iter().map(|&(nm, rayleigh, layer)| {
             let response = band.response(nm * 1e-9);
-            (position, rayleigh * response)
+            (layer, rayleigh * response)
         });
         let hydroxyl = HYDROXYL_R.iter().enumerate().map(|(i, rayleigh)| {
             let from_nm = HYDROXYL_FROM_NM + 10.0 * i as f64;
@@ -143,12 +143,12 @@ impl Airglow {
             CONTINUUM_R_NM * continuum(nm) * band.response(nm * 1e-9) / 10.0
         });
         let broad: f64 = hydroxyl.sum::<f64>() + continuum.sum::<f64>();
-        let mut layers: Vec<(Place, f64)> = Vec::new();
-        for (position, rayleigh) in lines.chain([(HYDROXYL, broad)]) {
+        let mut layers: Vec<(Layer, f64)> = Vec::new();
+        for (layer, rayleigh) in lines.chain([(HYDROXYL, broad)]) {
             let brightness = rayleigh * RAYLEIGH;
-            match layers.iter_mut().find(|(at, _)| *at == position) {
+            match layers.iter_mut().find(|(at, _)| *at == layer) {
                 Some((_, sum)) => *sum += brightness,
-                None if brightness > 0.0 => layers.push((position, brightness)),
+                None if brightness > 0.0 => layers.push((layer, brightness)),
                 None => {}
             }
         }
@@ -162,13 +162,13 @@ impl Airglow {
 
     /// Emission per metre of a line of sight at an altitude (m), ph/s/m^2/sr/m.
     pub fn emission(&self, altitude_m: f64) -> f64 {
-        let one = |(position, brightness): &(Place, f64)| {
-            let y = (altitude_m - position.peak_m) / position.scale_m;
+        let one = |(layer, brightness): &(Layer, f64)| {
+            let y = (altitude_m - layer.peak_m) / layer.scale_m;
             // Far below the peak exp(-y) overflows, and the emission is 0.
             if y < -6.0 {
                 return 0.0;
             }
-            brightness / (E * position.scale_m) * libm::exp(1.0 - y - libm::exp(-y))
+            brightness / (E * layer.scale_m) * libm::exp(1.0 - y - libm::exp(-y))
         };
         self.layers.iter().map(one).sum()
     }

@@ -42,7 +42,7 @@ pub struct Limb {
     /// The observer's distance from the centre of stretched space, m.
     radius: f64,
     /// The Sun's irradiance relative to that at 1 au, over 4 pi (1/sr).
-    nearness: f64,
+    sun_factor: f64,
     /// Scale of the table of lines past the Earth: relative altitude up to which entries are nearly
     /// equidistant, and the logarithm at the greatest altitude.
     near: f64,
@@ -100,7 +100,7 @@ impl Limb {
             sun,
             along: zenith.dot(&sun),
             radius,
-            nearness: AU_M * AU_M / sun_m.norm_squared() / (4.0 * PI),
+            sun_factor: AU_M * AU_M / sun_m.norm_squared() / (4.0 * PI),
             near: 0.0,
             far: 0.0,
             kinds: Default::default(),
@@ -158,7 +158,7 @@ impl Limb {
         let mut sides = [[0.0; 2]; 2];
         for (i, side) in (first..).zip(&mut sides) {
             let sunlit = rows[i].get_or_init(move || self.sunlit(kind, lines[i]));
-            let parts = move |height| self.sun_along(sunlit, height);
+            let parts = move |sin_elevation| self.sun_along(sunlit, sin_elevation);
             *side = sunlit.row.at([along, across], parts);
         }
         let [[direct, from_below], next] = sides;
@@ -166,7 +166,7 @@ impl Limb {
         let from_below = from_below + (next[1] - from_below) * part;
         let cos_scattering = direction.dot(&self.to_sun) / direction.norm();
         let sunlit = phase_function(cos_scattering) * direct + from_below;
-        [scattered * self.nearness * sunlit, airglow]
+        [scattered * self.sun_factor * sunlit, airglow]
     }
 
     /// The transmission (0..1) of the air for the light of the Earth's disc in `direction`.
@@ -177,7 +177,7 @@ impl Limb {
     /// Atmos. Sci. 32, 409). Seen from straight above, the disc with its air has the albedo of the
     /// disc within 5 %, from 400 nm on while the Sun is more than 20 deg high. On slant lines, with
     /// a low Sun behind the observer, it is up to 18 % brighter.
-    pub fn ground_share(&self, direction: &Vector3<f64>) -> f64 {
+    pub fn ground_transmission(&self, direction: &Vector3<f64>) -> f64 {
         let stretched = self.earth.to_sphere(*direction).normalize();
         let (cos, sin) = self.angles(&stretched);
         let Sight::Ground(slant) = Sight::of(self.radius, cos, sin) else {
@@ -338,15 +338,15 @@ impl Limb {
     }
 
     /// Light from direct sunlight and from the day side, relative to the undimmed light, for the
-    /// sine `height` of the Sun's elevation at the line's reference point.
-    fn sun_along(&self, sunlit: &SunlitLine, height: f64) -> [f64; 2] {
+    /// sine `sin_elevation` of the Sun's elevation at the line's reference point.
+    fn sun_along(&self, sunlit: &SunlitLine, sin_elevation: f64) -> [f64; 2] {
         let SunlitLine {
             row,
             line,
             segments,
         } = sunlit;
         let [along, max] = self.sun_above();
-        let across = row.across(height, along).clamp(-max, max);
+        let across = row.across(sin_elevation, along).clamp(-max, max);
         let Atmosphere { air, scattered, .. } = &*self.atmosphere;
         let lowest = line.sin * along - line.cos * across;
         let ahead = line.cos * along + line.sin * across;
@@ -354,17 +354,17 @@ impl Limb {
         for segment in segments {
             all += segment.undimmed;
             let radius = EARTH_RADIUS_M + segment.step.altitude;
-            let height = (line.p * lowest + segment.step.s * ahead) / radius;
-            let visible = visible_sun(radius, height);
+            let sin_elevation = (line.p * lowest + segment.step.s * ahead) / radius;
+            let visible = visible_sun(radius, sin_elevation);
             if visible <= 0.0 {
                 continue;
             }
-            let to_sun = air.column_from(radius, segment.air, height);
+            let to_sun = air.column_from(radius, segment.air, sin_elevation);
             direct += segment.molecules * visible * scattered.at(segment.column + to_sun);
-            if height > 0.0 {
+            if sin_elevation > 0.0 {
                 let part = (EARTH_RADIUS_M / radius).min(1.0);
                 let sky = ((1.0 - part) * (1.0 + part)).sqrt();
-                from_below += segment.undimmed * 2.0 * EARTH_ALBEDO * height * (1.0 - sky);
+                from_below += segment.undimmed * 2.0 * EARTH_ALBEDO * sin_elevation * (1.0 - sky);
             }
         }
         if all > 0.0 {
@@ -391,14 +391,14 @@ struct Segment {
 const NEAR_M: f64 = 60e3;
 
 /// The fraction of the Sun's disc that the Earth does not hide from a point at `radius` (m);
-/// `height` is the sine of the Sun's elevation. It rises from 0 to 1 while the disc, of radius
-/// SUN_RADIUS_M / AU_M (rad), clears the horizon.
-fn visible_sun(radius: f64, height: f64) -> f64 {
-    if height >= 0.0 {
+/// `sin_elevation` is the sine of the Sun's elevation. It rises from 0 to 1 while the disc, of
+/// radius SUN_RADIUS_M / AU_M (rad), clears the horizon.
+fn visible_sun(radius: f64, sin_elevation: f64) -> f64 {
+    if sin_elevation >= 0.0 {
         return 1.0;
     }
-    let lowest = radius * ((1.0 - height) * (1.0 + height)).sqrt() - EARTH_RADIUS_M;
-    let disc = -height * radius * (SUN_RADIUS_M / AU_M);
+    let lowest = radius * ((1.0 - sin_elevation) * (1.0 + sin_elevation)).sqrt() - EARTH_RADIUS_M;
+    let disc = -sin_elevation * radius * (SUN_RADIUS_M / AU_M);
     let part = ((lowest / disc.max(1.0) + 1.0) / 2.0).clamp(0.0, 1.0);
     part * part * (3.0 - 2.0 * part)
 }

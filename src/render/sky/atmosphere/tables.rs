@@ -31,8 +31,8 @@ pub struct Row {
     /// The Sun's cosine to the reference point's zenith is the sum of these weights times its
     /// cosines to the observer's zenith and to the line's horizontal direction.
     weights: [f64; 2],
-    /// Start, length and inverse length of the row's range on the scale of [`crowd`]; the inverse
-    /// is 0 for an empty range.
+    /// Start, length and inverse length of the row's range on the scale of [`to_twilight_scale`];
+    /// the inverse is 0 for an empty range.
     from: f64,
     span: f64,
     per_span: f64,
@@ -104,7 +104,7 @@ impl Table {
 impl Row {
     /// For sines of the Sun's elevation between the two `ends`.
     pub(crate) fn of(weights: [f64; 2], ends: [f64; 2]) -> Row {
-        let [from, to] = ends.map(crowd);
+        let [from, to] = ends.map(to_twilight_scale);
         let span = to - from;
         Row {
             weights,
@@ -119,19 +119,19 @@ impl Row {
     /// direction; `parts` computes them for sines of the Sun's elevation.
     #[inline]
     pub(crate) fn at(&self, sun: [f64; 2], parts: impl Fn(f64) -> [f64; 2]) -> [f64; 2] {
-        let height = self.weights[0] * sun[0] + self.weights[1] * sun[1];
-        let part = (crowd(height) - self.from) * self.per_span;
+        let sin_elevation = self.weights[0] * sun[0] + self.weights[1] * sun[1];
+        let part = (to_twilight_scale(sin_elevation) - self.from) * self.per_span;
         let [direct, from_below] = self.parts.at(part, move |part| {
-            parts(uncrowd(self.from + self.span * part))
+            parts(from_twilight_scale(self.from + self.span * part))
         });
         [direct.max(0.0), from_below.max(0.0)]
     }
 
-    /// The Sun's cosine to the line's horizontal direction, for the sine `height` of its elevation
-    /// and its cosine `along` to the observer's zenith.
-    pub(crate) fn across(&self, height: f64, along: f64) -> f64 {
+    /// The Sun's cosine to the line's horizontal direction, for the sine `sin_elevation` of its
+    /// elevation and its cosine `along` to the observer's zenith.
+    pub(crate) fn across(&self, sin_elevation: f64, along: f64) -> f64 {
         if self.weights[1].abs() > 1e-9 {
-            (height - self.weights[0] * along) / self.weights[1]
+            (sin_elevation - self.weights[0] * along) / self.weights[1]
         } else {
             0.0
         }
@@ -149,12 +149,12 @@ pub fn between(lines: &[f64], at: f64) -> (usize, f64) {
 }
 
 /// Maps the sine of the Sun's elevation to a scale on which twilight is wide.
-fn crowd(height: f64) -> f64 {
-    height / (height * height + TWILIGHT * TWILIGHT).sqrt()
+fn to_twilight_scale(sin_elevation: f64) -> f64 {
+    sin_elevation / (sin_elevation * sin_elevation + TWILIGHT * TWILIGHT).sqrt()
 }
 
-/// The inverse of [`crowd`].
-fn uncrowd(position: f64) -> f64 {
+/// The inverse of [`to_twilight_scale`].
+fn from_twilight_scale(position: f64) -> f64 {
     TWILIGHT * position / ((1.0 - position) * (1.0 + position)).max(1e-12).sqrt()
 }
 
