@@ -31,7 +31,7 @@ impl fmt::Display for Loss {
         match self {
             Self::TimedOut { progress, cause } => {
                 match progress {
-                    None => write!(f, "nothing of it came in time")?,
+                    None => write!(f, "no packet of it arrived before the time-out")?,
                     Some(Progress {
                         frame,
                         blocks: (b, of_b),
@@ -40,7 +40,7 @@ impl fmt::Display for Loss {
                     }) => {
                         write!(
                             f,
-                            "frame {frame} was not whole in time: {b} of {of_b} pixel blocks, {l} of {of_l} label parts"
+                            "frame {frame} was incomplete at the time-out: {b} of {of_b} pixel blocks, {l} of {of_l} label parts"
                         )?;
                         if !end {
                             write!(f, ", no FrameEnd")?;

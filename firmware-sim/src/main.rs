@@ -216,7 +216,7 @@ fn check_complete(report: &Report, stop: &AtomicBool) -> Result<()> {
     }
     let see = ": see the losses and refusals above, and the emulator's own messages";
     let why = gone.as_deref().unwrap_or(see);
-    bail!("{whole} of {requested} frames came whole{why}")
+    bail!("{whole} of {requested} frames were complete{why}")
 }
 
 fn mission(args: &Args) -> Result<Mission> {

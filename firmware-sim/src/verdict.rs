@@ -45,7 +45,7 @@ impl Verdict {
 #[must_use]
 pub fn table(verdicts: &[Verdict]) -> String {
     let line = |verdict: &Verdict| {
-        let word = if verdict.passed { "kept" } else { "broken" };
+        let word = if verdict.passed { "passed" } else { "failed" };
         format!("{word}: {}\n", verdict.text)
     };
     verdicts.iter().map(line).collect()
@@ -215,7 +215,7 @@ impl Limits {
     #[must_use]
     pub fn assess(&self, report: &Report) -> Vec<Verdict> {
         let (came, requested) = (report.frames, report.requested);
-        let frames = format!("{came} of {requested} frames came whole");
+        let frames = format!("{came} of {requested} frames were complete");
         let mut verdicts = vec![Verdict::new("frames", came >= requested, frames)];
         verdicts.extend(self.max_centroid_rms.map(|max| centroids(max, report)));
         let totals = &report.totals;
@@ -270,7 +270,7 @@ fn p99(max_ms: f64, report: &Report) -> Verdict {
     let is = if passed { "within" } else { "above" };
     let text = match p99.map(|p99| p99.as_secs_f64() * 1e3) {
         None if measured == 0 => "not known: no frame of an attitude of this client came".into(),
-        None => format!("above {max_ms} ms: {lost} frames did not come whole"),
+        None => format!("above {max_ms} ms: {lost} frames were lost or incomplete"),
         Some(p99) => format!("{p99:.2} ms, {is} {max_ms} ms"),
     };
     Verdict::new("p99", passed, format!("latency p99: {text}"))
@@ -334,7 +334,7 @@ mod tests {
             assert_eq!(broken(&verdicts).is_none(), passed == "+++++");
         }
         let only = Limits::default().assess(&report(200, 0, 9, None));
-        assert_eq!(table(&only), "kept: 200 of 200 frames came whole\n");
+        assert_eq!(table(&only), "passed: 200 of 200 frames were complete\n");
     }
 
     #[test]

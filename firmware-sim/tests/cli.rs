@@ -79,8 +79,8 @@ fn a_run_over_udp_prints_its_table() {
     assert_eq!(broken.status.code(), Some(1));
     let table = String::from_utf8_lossy(&broken.stdout);
     for line in [
-        "kept: bright labelled objects missed: 0, within 1000",
-        "broken: centroids: rms 0.0",
+        "passed: bright labelled objects missed: 0, within 1000",
+        "failed: centroids: rms 0.0",
     ] {
         assert!(table.contains(line), "no {line:?} in {table}");
     }

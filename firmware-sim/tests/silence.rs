@@ -113,7 +113,7 @@ fn runs_end_when_the_emulator_ends() {
     thread.join().unwrap();
     let text = error.to_string();
     assert!(
-        text.starts_with("udp://A: nothing has come for 1"),
+        text.starts_with("udp://A: nothing received for 1"),
         "{text}"
     );
     assert!(begin.elapsed() < Duration::from_secs(25));

@@ -89,8 +89,8 @@ pub(super) fn chosen_text(budget_ms: f64, chosen: &Chosen<'_>) -> String {
         in_file(chosen)
     );
     if !chosen.fits {
-        text += "\nno setting is that fast, this is the fastest: give more time, switch off effects that `skyloop plan --measure` says take it, \
-                 take a smaller detector or fewer stars (sky.catalog), or another machine";
+        text += "\nno setting is within the budget, this is the fastest: raise --budget-ms, switch off slow effects (`skyloop plan --measure` has their times), \
+                 use a smaller detector or fewer stars (sky.catalog), or use a faster machine";
     }
     text + "\n"
 }
@@ -118,7 +118,7 @@ fn in_file(chosen: &Chosen<'_>) -> String {
 /// States for a measurement with unknown pointing: along the six axes, at rest, now.
 pub(super) fn states_along_axes() -> anyhow::Result<Vec<VehicleState>> {
     say(format_args!(
-        "--budget-ms: no [sequence] says where the client will be: measured from the Earth's centre along the six axes, at rest\n"
+        "--budget-ms: without a [sequence] the pointing is not known: measured at the Earth's centre with body +Z along each of the six ICRF axis directions, without rotation\n"
     ))?;
     let epoch = Epoch::now().context("the system's time")?;
     let half = std::f64::consts::FRAC_1_SQRT_2;

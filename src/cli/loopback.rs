@@ -283,7 +283,7 @@ fn stopped_by(stop: &Stop, link: &str) -> Error {
         ),
     };
     anyhow!(
-        "{link}: nothing passes any more: the fault {fault} {lasts} and has met {}, and nothing of a frame has come for {s} s; give it \
+        "{link}: a fault blocks the link: the fault {fault} {lasts} and has affected {}, and no packet of a frame has arrived for {s} s; give it \
          {remedy}, a lower value, or an at_s after the last frame",
         counted(*packets as usize, "packet")
     )
@@ -294,11 +294,11 @@ fn stopped_by(stop: &Stop, link: &str) -> Error {
 fn check_all_frames_arrived(report: &Report, interrupted: &AtomicBool) -> anyhow::Result<()> {
     let all = counted(report.requested as usize, "frame");
     if interrupted.load(Ordering::Relaxed) {
-        bail!("stopped: {} of {all} came whole", report.frames);
+        bail!("stopped: {} of {all} were complete", report.frames);
     }
     if report.frames != report.requested {
         let missing = report.requested - report.frames;
-        bail!("{missing} of {all} did not arrive whole (see the log above)");
+        bail!("{missing} of {all} are missing or incomplete (see the log above)");
     }
     Ok(())
 }

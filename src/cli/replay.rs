@@ -193,7 +193,7 @@ fn list(progress: &Progress) -> anyhow::Result<()> {
         whole,
     } in &progress.frames
     {
-        let note = if *whole { "" } else { "  (not whole)" };
+        let note = if *whole { "" } else { "  (incomplete)" };
         say(format_args!(
             "  frame {frame:5}  attitude {attitude:5}  {packets:5} packets  crc32 {crc32:08x}{note}\n"
         ))?;

@@ -108,7 +108,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
             }
             Ended::Panicked => Err(anyhow!(PANICKED)),
             Ended::LinkGone => Err(anyhow!(
-                "link {}: it has gone (see the log above); open it again",
+                "link {}: it was lost (see the log above); repair it and start the run again",
                 served.gone
             )),
         };

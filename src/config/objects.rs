@@ -234,7 +234,7 @@ impl Entries {
             };
             let objects = named(&objects);
             self.findings.notices.push(format!(
-                "{file}: {key}: {count} in an earlier entry than {name}, whose sphere or shape counts ({objects}): leave the file \
+                "{file}: {key}: {count} in {name} and in an earlier entry, whose sphere or shape is used ({objects}): leave the file \
                  out of one of the entries"
             ));
         }

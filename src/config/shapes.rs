@@ -327,7 +327,7 @@ impl RawPart {
         };
         let hinge = direction(&format!("{key}.sun_axis"), &self.sun_axis, check)?;
         if hinge.cross(normal).norm() < ALONG {
-            let allowed = "at an angle to the normal: about its normal a plate turns towards no Sun; give the axis it is hinged on, or leave it out";
+            let allowed = "at an angle to the normal: a turn about the normal does not point the plate at the Sun; give the hinge axis, or leave it out";
             let error = check.refuse(&format!("{key}.sun_axis"), format!("{axes:?}"), allowed);
             return Err(error.needs(&[&format!("{key}.normal")]));
         }

@@ -228,7 +228,7 @@ impl Latencies {
         rows.push(row("attitude's age", text(&self.attitude_age, &quantiles)));
         if self.ahead > 0 {
             let value = format!("{} of {}", self.ahead, self.frames);
-            rows.push(row("attitudes of a later moment", value));
+            rows.push(row("attitudes after mid-exposure", value));
         }
         rows
     }
@@ -237,7 +237,7 @@ impl Latencies {
     fn missed_text(&self) -> String {
         let incomplete = match self.incomplete {
             0 => String::new(),
-            count => format!(", {count} not whole"),
+            count => format!(", {count} incomplete"),
         };
         let without = match self.without_frame {
             0 => String::new(),
@@ -361,7 +361,7 @@ mod tests {
         assert_eq!(age, "50.00 / 50.00 / 50.00 / 50.00 / 50.00 ms");
         let missed = value(&rows, "deadlines missed");
         assert_eq!(missed, "2 of 100 (first: frame 17, late by 4.00 ms)");
-        assert!(!rows.iter().any(|row| row.0.contains("later moment")));
+        assert!(!rows.iter().any(|row| row.0.contains("mid-exposure")));
     }
 
     #[test]
@@ -377,7 +377,7 @@ mod tests {
         let rows = all.rows();
         assert_eq!(value(&rows, "to the last octet"), "none");
         let missed = value(&rows, "deadlines missed");
-        assert_eq!(missed, "1 of 1, 1 not whole (first: frame 3, not whole)");
+        assert_eq!(missed, "1 of 1, 1 incomplete (first: frame 3, incomplete)");
         // A later miss does not replace the first.
         all.add(&frame(4, 12));
         assert_eq!(all.first_miss.unwrap().frame, 3);
@@ -399,7 +399,7 @@ mod tests {
         assert_eq!(value(&all.rows(), "deadlines missed"), missed);
         // A miss reported later with a lower number is the first.
         all.add(&FrameTimes::incomplete(5));
-        assert_eq!(all.first_miss.unwrap().describe(), "not whole");
+        assert_eq!(all.first_miss.unwrap().describe(), "incomplete");
     }
 
     #[test]

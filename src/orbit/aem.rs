@@ -231,7 +231,7 @@ impl Reader {
         let Some((name, more)) = known.find(|(name, _)| given.eq_ignore_ascii_case(name)) else {
             let (given, names) = (shorten(given), TYPES.map(|(name, _)| name).join(", "));
             let remedy = "export the attitudes as QUATERNION";
-            let reason = format!("ATTITUDE_TYPE '{given}'; read are {names}: {remedy}");
+            let reason = format!("ATTITUDE_TYPE '{given}'; expected {names}: {remedy}");
             return Err((line, reason));
         };
         if *more > 0 {

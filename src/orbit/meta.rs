@@ -241,7 +241,7 @@ impl Meta {
             let (_, line) = self.need("START_TIME")?;
             let at = time::utc_text(at);
             let reason = format!(
-                "--ut1-utc is that at {at}, the first START_TIME of the file with times or axes of UT1: with the leap seconds since it is {start_s:.1} s here, beyond -1 to 1 s; \
+                "--ut1-utc holds at {at}, the first START_TIME of the file with times or axes of UT1; after the leap seconds since then UT1 - UTC would be {start_s:.1} s here, outside -1 to 1 s; \
                  give COMMENT UT1-UTC = SECONDS in the metadata of this segment"
             );
             return Err((line, reason));
@@ -261,7 +261,7 @@ impl Meta {
             "UT1" => return Ok(None),
             _ => {
                 let known = "UTC, TAI, TT, GPS, TDB and UT1: give the times in one of them";
-                let reason = format!("TIME_SYSTEM '{}'; read are {known}", shorten(name));
+                let reason = format!("TIME_SYSTEM '{}'; expected {known}", shorten(name));
                 return Err((line, reason));
             }
         }))
@@ -313,7 +313,7 @@ impl Meta {
             let remedy = "give the data in one of them, GCRF at best";
             (
                 line,
-                format!("{key} '{}'; read are {FRAMES}: {remedy}", shorten(name)),
+                format!("{key} '{}'; expected {FRAMES}: {remedy}", shorten(name)),
             )
         })?;
         let epoch = self

@@ -355,7 +355,7 @@ fn method(meta: &Meta, remarks: &mut Vec<(usize, String)>) -> At<Method> {
             let known = "LAGRANGE, HERMITE and LINEAR: name one of them, or none for HERMITE";
             Err((
                 line,
-                format!("INTERPOLATION '{}'; read are {known}", shorten(name)),
+                format!("INTERPOLATION '{}'; expected {known}", shorten(name)),
             ))
         }
     }
@@ -377,8 +377,8 @@ fn agree(a: &Node, b: &Node) -> Result<(), String> {
         return Ok(());
     }
     Err(format!(
-        "velocities {:.0} % off what the positions move by since the state before (states are in km and km/s, velocities \
-         against the axes of REF_FRAME)",
+        "velocities {:.0} % off the mean rate of the positions since the previous state (states are in km and km/s, velocities \
+         relative to the axes of REF_FRAME)",
         100.0 * off
     ))
 }

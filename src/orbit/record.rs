@@ -90,7 +90,7 @@ pub(crate) fn check_version(key: &str, text: &str) -> Result<(), String> {
     }
     let (text, known) = (shorten(text), known.join(", "));
     Err(format!(
-        "{key} '{text}'; read are {known}: export the message in one of these"
+        "{key} '{text}'; expected {known}: export the message in one of these"
     ))
 }
 

@@ -4,8 +4,8 @@ use crate::Record;
 use std::collections::BTreeMap;
 
 /// Reason for refusing elements of SGP4-XP.
-pub(crate) const SGP4_XP: &str = "elements of SGP4-XP (MEAN_ELEMENT_THEORY = SGP4-XP, ephemeris type 4, BTERM, AGOM), which SGP4 must not \
-                                  fly: fetch those of SGP4, or an ephemeris as OEM";
+pub(crate) const SGP4_XP: &str = "elements of SGP4-XP (MEAN_ELEMENT_THEORY = SGP4-XP, ephemeris type 4, BTERM, AGOM), which SGP4 cannot \
+                                  propagate: fetch those of SGP4, or an ephemeris as OEM";
 
 /// A theory as a file gives it, if SGP4 and SDP4 can propagate its elements.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -38,7 +38,7 @@ impl Theory {
             "GP" => Ok(Theory::Gp),
             "SGP4XP" | "XP" => Err(SGP4_XP.to_owned()),
             _ => Err(
-                "only elements of SGP4 are flown: fetch those, or an ephemeris as OEM".to_owned(),
+                "only elements of SGP4 are used: fetch those, or an ephemeris as OEM".to_owned(),
             ),
         }
     }
@@ -46,7 +46,7 @@ impl Theory {
     fn assumed(self) -> Option<&'static str> {
         match self {
             Theory::Sgp4 => None,
-            Theory::Sgp => Some("SGP: flown by SGP4, with the drag that BSTAR gives"),
+            Theory::Sgp => Some("SGP: propagated by SGP4, with the drag that BSTAR gives"),
             Theory::Tle => Some("TLE: taken as SGP4, whose elements a TLE has"),
             Theory::Gp => Some("GP: taken as SGP4, the theory of published GP elements"),
         }

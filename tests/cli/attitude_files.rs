@@ -78,7 +78,7 @@ fn invalid_attitude_files_are_refused_with_a_reason() {
     const FILE: &str = "attitude_file = \"f\"";
     const BOTH: &str = "attitude_file = \"f\"\nattitudes = [{ q = [0, 0, 0, 1] }]";
     let of_file = [
-        (&spin[..], "f:14: ATTITUDE_TYPE 'SPIN'; read are QUATERNION"),
+        (&spin[..], "f:14: ATTITUDE_TYPE 'SPIN'; expected QUATERNION"),
         (
             &gap,
             "covers 2019-06-15T23:35:52.500Z to 2019-06-15T23:35:53.000Z",

@@ -48,7 +48,7 @@ fn check_reports_content_and_faults_of_files() {
         "orbits/b.csv: omm-csv, 2 records of 2 objects",
         "numbers beyond 99999: 2",
         "orbits/c.3le:6: bad checksum in line 2",
-        "passed over: 2 entries are no files of orbits (orbits/below, orbits/readme.txt)",
+        "skipped: 2 entries are not orbit files (orbits/below, orbits/readme.txt)",
         "3 files: 4 records of 3 objects; 1 record and 0 files cannot be used",
     ]);
     let strict = here.run("catalog check orbits --strict").exits(1);
@@ -133,12 +133,12 @@ fn check_counts_indistinguishable_objects_and_reports_assumptions() {
 
     here.run("catalog check old.csv").exits(0).prints(&[
         "old.csv: omm-csv, 1 record of 1 object, 1 rejected",
-        "assumed: old.csv:2: MEAN_ELEMENT_THEORY = SGP: flown by SGP4",
+        "assumed: old.csv:2: MEAN_ELEMENT_THEORY = SGP: propagated by SGP4",
         "old.csv:3: record 2: MEAN_ELEMENT_THEORY 'SGP4-XP': elements of SGP4-XP",
     ]);
     for command in ["catalog info old.csv", "plan --scene scene.toml"] {
         let said = here.run(command);
-        said.logs(&["MEAN_ELEMENT_THEORY = SGP: flown by SGP4"]);
+        said.logs(&["MEAN_ELEMENT_THEORY = SGP: propagated by SGP4"]);
     }
     let says = "answer.json: no orbits, but the answer of a server: \"You must be logged in\"";
     here.run("catalog check answer.json")
@@ -174,7 +174,7 @@ fn info_counts_orbit_regimes_and_describes_one_object() {
     assert_eq!(counts, ["1", "1", "1", "0", "1"]);
     info.logs(&[
         "refused: orbits/c.3le:6: bad checksum",
-        "passed over: 2 entries are no files of orbits",
+        "skipped: 2 entries are not orbit files",
     ]);
 
     let object = here.run("catalog info orbits --object 799500123 --json");
@@ -204,7 +204,7 @@ fn a_scene_reads_folders_and_reports_skipped_files() {
     here.write("folder.toml", scene("\"orbits\""));
     here.run("plan --scene folder.toml").exits(0).logs(&[
         "refused: orbits/c.3le:6: bad checksum",
-        "passed over: 2 entries are no files of orbits (orbits/below, orbits/readme.txt)",
+        "skipped: 2 entries are not orbit files (orbits/below, orbits/readme.txt)",
         "1 object has several element sets (NORAD 5 (VANGUARD 1))",
     ]);
     for command in [

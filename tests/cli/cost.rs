@@ -12,7 +12,7 @@ const SCENE: &str = "camera = \"small.toml\"\n[observer]\norbit = \"leo-570.tle\
 /// Budgets above and below the time of any frame.
 const AMPLE: &str = "--budget-ms 1000000";
 const SCANT: &str = "--budget-ms 0.001";
-const FASTEST: &str = "no setting is that fast, this is the fastest";
+const FASTEST: &str = "no setting is within the budget, this is the fastest";
 
 /// A folder with the scene and its camera.
 fn folder() -> Folder {

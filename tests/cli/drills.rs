@@ -170,7 +170,7 @@ fn an_incomplete_recording_fails_the_junit_file_too() {
          1500 1 --link slcan --capture c.log --faults delay.toml --fault-log /dev/full
          | the recording is incomplete | --fault-log /dev/full: No space left on device
          1500 2 --link memory --faults stuck.toml --fault-log /dev/full
-         | nothing passes any more: the fault stuck, out has no end
+         | a fault blocks the link: the fault stuck, out has no end
          | --fault-log /dev/full: No space left on device",
     ) {
         let mut words = row.splitn(3, ' ');
@@ -210,7 +210,7 @@ fn packets_delayed_by_a_fault_are_not_attributed_to_the_client() {
 fn a_fault_that_stops_credit_is_the_remedy_in_the_log() {
     use skyloop_protocols::{Direction, Fault, FaultKind};
     const NO_CREDIT: &str = "(no credit): frame 0 waits: 2 packets are sent, and Credit grants 2; ";
-    const LOST: &str = "(packets lost on the way): frame 0 waits: 4 packets are sent, and the client grants as if 2 of them had come; ";
+    const LOST: &str = "(packets lost on the way): frame 0 waits: 4 packets are sent, and the client's Credit counts 2 of them as received; ";
     const DELAYS: &str = "a fault (--faults, Fault) delays packets on the way in: end it first";
     const LOSES: &str = "a fault (--faults, Fault) has lost or damaged packets on the way in: end it, if it lasts; else enlarge";
     let (delay, drop) = (FaultKind::Delay, FaultKind::Drop);

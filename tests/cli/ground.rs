@@ -178,8 +178,7 @@ fn ut1_utc_comes_from_the_option_or_the_file() {
     assert_eq!(both, render("plain.oem", "--ut1-utc 0.5").0);
     // 0.5 s at the first START_TIME would be 1.5 s here, out of the range of UT1 - UTC.
     here.write("both.oem", format!("{earlier}{}", message("")));
-    let says =
-        "with the leap seconds since it is 1.5 s here, beyond -1 to 1 s; give COMMENT UT1-UTC";
+    let says = "UT1 - UTC would be 1.5 s here, outside -1 to 1 s; give COMMENT UT1-UTC";
     here.run("catalog check both.oem --ut1-utc 0.5")
         .says(&[says]);
     let refused = here.run("plan --ut1-utc 37");

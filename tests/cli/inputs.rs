@@ -82,7 +82,7 @@ fn rates_and_states() {
              --state 7000,0,0,0,7.5   | --state | 6 numbers | not 5
              --state {STATE} --orbit x.tle | --state | --orbit
              --camera slow.toml --state 6400,0,0,0,0,0
-             | carried on to 2019-06-15T23:07:30 | from the Earth's centre"
+             | propagated to 2019-06-15T23:07:30 | from the Earth's centre"
         ),
     );
 }

@@ -8,11 +8,11 @@ fn all_files_of_a_population_folder_are_accepted() {
     let here = Folder::with(&[("delta.3le", DELTA), ("scene.toml", &scene("\"pop\""))]);
     here.run("catalog synth --objects 300 --out pop").exits(0);
     here.run("catalog check pop --strict").exits(0).prints(&[
-        "passed over: 1 entry is no file of orbits (pop/population.toml)",
+        "skipped: 1 entry is not an orbit file (pop/population.toml)",
         "300 records of 300 objects; 0 records",
     ]);
     let plan = here.run("plan --scene scene.toml --strict").exits(0);
-    plan.logs(&["passed over: 1 entry is no file of orbits"])
+    plan.logs(&["skipped: 1 entry is not an orbit file"])
         .lacks("refused");
 }
 
@@ -31,7 +31,8 @@ fn special_files_in_a_folder_are_skipped_and_invalid_files_reported() {
     let _socket = std::os::unix::net::UnixListener::bind(here.join("orbits/socket")).unwrap();
     symlink("/dev/zero", here.join("orbits/zero")).unwrap();
     symlink("a.3le", here.join("orbits/link")).unwrap();
-    let passed = "passed over: 4 entries are no files of orbits (orbits/picture, orbits/pipe, orbits/socket, ...)";
+    let passed =
+        "skipped: 4 entries are not orbit files (orbits/picture, orbits/pipe, orbits/socket, ...)";
     here.run("catalog check orbits --strict").exits(0).prints(&[
         passed,
         "orbits/link: 3le, 1 record",

@@ -311,7 +311,7 @@ fn implausible_values_cause_a_warning() {
         focal_length_mm = 2.2
         | optics.aperture_mm = 15.7143: with optics.focal_length_mm = 2.2 it is f/0.140
         // DN/e-.
-        gain_e_per_dn = 800.0 | detector.gain_e_per_dn = 800: pixels are full at 0.916 %
+        gain_e_per_dn = 800.0 | detector.gain_e_per_dn = 800: full well is at 0.916 %
         // ms.
         row_us = 0.04 | timing.row_us = 0.04:
         // 80 K above the stated temperature: 5,000 times 12 e-.

@@ -214,8 +214,8 @@ fn ctrl_c_ends_a_loopback_with_its_table_and_a_complete_recording() {
     let ended = ended.prints(&["frames   ", "wrote "]);
     // The number of the client's frames: the emulator may have rendered one more.
     let (_, came) = ended.log.split_once("stopped: ").unwrap();
-    let (came, _) = came.split_once(" of 50 frames came whole").unwrap();
-    let came = format!("{came} of 50 frames came whole");
+    let (came, _) = came.split_once(" of 50 frames were complete").unwrap();
+    let came = format!("{came} of 50 frames were complete");
     has(&here.read("v.xml"), &[&came]);
     here.run("replay run.pcapng --output labels").exits(0);
 }

@@ -43,8 +43,8 @@ fn a_run_is_measured_and_reported_in_every_format() {
         "start to the first frame",
         "drift of the clocks",
         "memory",
-        "kept: fai-nir: deadlines missed",
-        "kept: B: deadlines missed",
+        "passed: fai-nir: deadlines missed",
+        "passed: B: deadlines missed",
     ]);
     let report = here.json("verdict.json");
     assert_eq!(report["passed"], true);
@@ -74,7 +74,7 @@ fn a_run_by_the_clients_clock_is_measured() {
     let words = "soak --config run.toml --minutes 0.04 --max-miss-rate 1 --max-growth 1000 --rate 50 --link memory --json verdict.json";
     here.run(words)
         .exits(0)
-        .prints(&["of 50 requested", "kept: memory"]);
+        .prints(&["of 50 requested", "passed: memory"]);
     let report = here.json("verdict.json");
     let frames = report["cameras"][0]["latencies"]["frames"].as_u64();
     assert!(frames > Some(0), "{report}");
@@ -108,7 +108,7 @@ fn ctrl_c_ends_a_soak_with_its_report_and_fails_it() {
     has(&here.read("verdict.xml"), &["failures=\"2\""]);
     assert_eq!(here.json("verdict.json")["passed"], false);
     let ended = process.end_by("-INT").exits(1);
-    has(&ended.out, &["kept: deadlines missed"]);
+    has(&ended.out, &["passed: deadlines missed"]);
     for text in [&ended.out, &ended.log, &here.read("verdict.xml")] {
         has(text, &["stopped after 0.", "of 60 min"]);
     }

@@ -14,9 +14,9 @@ fn a_loopback_meets_its_limits_or_fails() {
     // passed.
     for (limits, says) in rows(
         "--max-centroid-rms 0.5 --max-missed 0 --max-false 50 --max-latency-p99-ms 60000
-         | tests=\"5\" failures=\"0\" | kept: centroids: rms 0.
-         --max-centroid-rms 0.001 | tests=\"2\" failures=\"1\" | broken: centroids: rms 0.
-         --max-latency-p99-ms 0.001 | failures=\"1\" | broken: latency p99:
+         | tests=\"5\" failures=\"0\" | passed: centroids: rms 0.
+         --max-centroid-rms 0.001 | tests=\"2\" failures=\"1\" | failed: centroids: rms 0.
+         --max-latency-p99-ms 0.001 | failures=\"1\" | failed: latency p99:
          --output labels --max-missed 9 --max-false 9 --max-centroid-rms 9
          | tests=\"4\" failures=\"3\"
          | not known: 0 of 2 frames brought both pixels and readable labels
@@ -83,10 +83,10 @@ fn ends_in_seconds(stopping: &str) {
     let took = started.elapsed();
     let (lasts, remedy) = match for_s {
         [] => ("has no end", "give it a for_s, a lower value"),
-        _ => ("lasts 9", " s longer and has met "),
+        _ => ("lasts 9", " s longer and has affected "),
     };
     let reported =
-        format!("{link}: nothing passes any more: the fault {kind}, {direction} {lasts}");
+        format!("{link}: a fault blocks the link: the fault {kind}, {direction} {lasts}");
     let ended = ended.says(&[&reported, " packet", remedy]);
     // 5 s without a frame, and a margin for the frames before on a busy machine.
     assert!(took < Duration::from_secs(60), "{took:?}: {}", ended.all());

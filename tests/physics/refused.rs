@@ -103,7 +103,7 @@ detector.quantum_efficiency = 55 | detector.quantum_efficiency = 55 | a share: 5
 detector.temperature_c = 253.0 | detector.temperature_c = 253 | -200 to 150 deg C
 timing.exposure_s = 200 | timing.rate_hz = 4: must be at most 0.00499 | Hz with timing.exposure_s = 200 s: exposures do not overlap
 radiation.readout_s = 100.0 | radiation.readout_s = 100 | at most 1 / timing.rate_hz = 0.25 s
-detector.offset_dn = 16383.0 | detector.offset_dn = 16383 | below 16383, the largest number of 14 bits
+detector.offset_dn = 16383.0 | detector.offset_dn = 16383 | below 16383, the full scale of 14 bits
 detector.read_noise_e = 2e5 | detector.read_noise_e = 200000 | at most detector.full_well_e = 100000 e-
 detector.width_px = 512.5 | detector.width_px:  | must be a whole number, 1 to 8192 px, not 512.5
 detector.adc_clips_first = 1 | detector.adc_clips_first:  | must be true or false, not 1

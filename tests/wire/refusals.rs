@@ -153,7 +153,7 @@ fn states_that_leave_their_range_during_the_exposure_are_refused() {
         ..attitude(1)
     };
     client.point(falling, later(EPOCH, 10_000.0));
-    client.refused(Reason::ValueOutOfRange, &["carried on to"]);
+    client.refused(Reason::ValueOutOfRange, &["propagated to"]);
     client.has_counted(&[("attitudes", 0), ("bad_value", 1)]);
     client.done(Command::Exposure { seconds: 0.1 });
     client.good_frame(2);

@@ -21,7 +21,7 @@ pub struct LoopArgs {
     /// and needs --focal-px
     #[arg(long = "loop")]
     closed: bool,
-    /// Focal length of the camera in pixels, the only property that the loop uses
+    /// Focal length of the camera in pixels, the only camera property that the loop uses
     #[arg(long, value_name = "PX", value_parser = within(1.0..=1e7, "px"), allow_negative_numbers = true)]
     focal_px: Option<f64>,
     /// Disturbance rate of the body, deg/s, body axes [default: 0.01,-0.02,0.015]

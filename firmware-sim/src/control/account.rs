@@ -127,7 +127,7 @@ impl fmt::Display for ControlTelemetry {
         write!(
             f,
             "closed loop      pointing error rms {rms:.2} arcsec over the last half ({across:.2} across the boresight), \
-             worst {worst:.2}; the drift alone makes {drifted:.1} in {since_drift_start_s:.1} s\n\
+             worst {worst:.2}; without control {drifted:.1} in {since_drift_start_s:.1} s\n\
              steered by       {used} frames, {starless} without enough stars, {late} late"
         )?;
         let ms = |fraction| Some(self.latencies.quantile(fraction)?.as_secs_f64() * 1e3);

@@ -32,14 +32,14 @@ pub enum RunError {
     #[error("the emulator refuses the fault: {}", nack.detail)]
     FaultRefused { nack: NackRecord },
     #[error(
-        "{link}: no answer to a fault within {} s: the faults before it may let nothing through; begin with the others, or give it a \
-         time",
+        "{link}: no answer to a fault request within {} s: earlier faults may block the link; request those last, or limit their \
+         duration (--fault KIND:in|out:VALUE:S)",
         waited.as_secs_f64()
     )]
     FaultUnanswered { link: String, waited: Duration },
     #[error(
-        "{links}: nothing has come for {silent_s:.0} s, of {attitudes} attitudes: has the emulator ended, or does a fault \
-         stop the line?"
+        "{links}: nothing received for {silent_s:.0} s, over {attitudes} attitudes: has the emulator ended, or does a fault \
+         block the link?"
     )]
     Silent {
         links: String,
@@ -54,7 +54,7 @@ pub enum RunError {
     },
     #[error(transparent)]
     Profile(#[from] ProfileError),
-    #[error("{} is outside the wire's time, 1958 to 2094: choose another epoch", utc_text(*epoch))]
+    #[error("{} is outside the time code, 1958 to 2094: choose another epoch", utc_text(*epoch))]
     Time { epoch: Epoch },
     #[error("a closed loop holds one attitude by the wall clock: {remedy}")]
     Loop { remedy: &'static str },

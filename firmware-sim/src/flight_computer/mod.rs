@@ -34,10 +34,10 @@ use crate::time;
 /// Interval of repeated grants, because a grant may be lost.
 const GRANT_AGAIN: Duration = TICK;
 /// Hint for an emulator that does not answer.
-const IDLE: &str = "One that another client has left without a Reset is free when that one has been silent for its idle_s (5 s)";
+const IDLE: &str = "A link that another client left without a Reset is free once that client has been silent for idle_s (5 s)";
 /// The same for a run without a command that ends a fault.
-const IDLE_OR_STUCK: &str = "One that another client has left without a Reset is free when that one has been silent for its \
-    idle_s (5 s); a live fault that it has left behind ends by --fault stuck:in:0 (or down, out)";
+const IDLE_OR_STUCK: &str = "A link that another client left without a Reset is free once that client has been silent for \
+    idle_s (5 s); a fault that it left active ends with --fault stuck:in:0 (or down, out)";
 const STATUS_TIMEOUT: Duration = Duration::from_secs(1);
 /// Time-out of the final `Status` after a request to stop.
 const SHORT_STATUS_TIMEOUT: Duration = Duration::from_millis(200);

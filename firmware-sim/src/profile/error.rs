@@ -29,17 +29,17 @@ pub enum ProfileError {
         epoch: Epoch,
         source: OrbitSourceError,
     },
-    #[error("no direction to look in at {}: {source}", utc_text(*epoch))]
+    #[error("no pointing direction at {}: {source}", utc_text(*epoch))]
     Target {
         epoch: Epoch,
         source: OrbitSourceError,
     },
-    #[error("no direction to look in at {}: the target is at the observer's own place, or the direction is zero", utc_text(*epoch))]
+    #[error("no pointing direction at {}: the target is at the observer's position, or the direction is zero", utc_text(*epoch))]
     NoTarget { epoch: Epoch },
     #[error("no attitude at {}: position and velocity span no orbital plane", utc_text(*epoch))]
     NoPlane { epoch: Epoch },
     #[error(
-        "no limb at {height_km} km at {}: a line of sight {height_km} km above the ellipsoid at its lowest starts above that, and \
+        "no limb at {height_km} km at {}: the observer must be above the tangent height, and \
          the orbit is at {orbit_km:.1} km: choose a lower height",
         utc_text(*epoch)
     )]

@@ -140,7 +140,7 @@ pub fn report_shared_names(shared: &BTreeMap<String, usize>) -> Option<String> {
     let named: Vec<String> = named.chain(more).collect();
     (!named.is_empty()).then(|| {
         format!(
-            "objects of one name without number, designator and OBJECT_ID ({}): each orbit counts as one more object; give the records of an object one number",
+            "objects of one name without number, designator and OBJECT_ID ({}): each orbit is taken as a separate object; give all records of one object the same catalogue number",
             named.join(", ")
         )
     })
@@ -213,11 +213,11 @@ pub fn passed_over(names: &[String]) -> Option<String> {
     let (named, count) = (named.join(", "), names.len());
     let what = match count {
         0 => return None,
-        1 => "entry is no file",
-        _ => "entries are no files",
+        1 => "entry is not an orbit file",
+        _ => "entries are not orbit files",
     };
     Some(format!(
-        "passed over: {count} {what} of orbits ({named}{more}); name a folder in a folder by itself, and give a population.toml \
+        "skipped: {count} {what} ({named}{more}); list a subfolder by its own path, and give a population.toml \
          as [objects] population"
     ))
 }

@@ -27,7 +27,7 @@ fn without_credit(channel: &Channel) -> (Withheld, String) {
         Some(window) if window != granted && granted.wrapping_sub(window) != sent => (
             Withheld::Lost,
             format!(
-                "{sent} packets are sent, and the client grants as if {} of them had come",
+                "{sent} packets are sent, and the client's Credit counts {} of them as received",
                 granted.wrapping_sub(window)
             ),
         ),
@@ -180,7 +180,7 @@ pub(super) fn report_silence(channel: &mut Channel, needs_trigger: bool, now: In
     if let Some(lost) = lost_packets(channel, now)
         && !channel.flow.in_status
     {
-        let detail = format!("{lost} packets sent, and the client grants as if they had not come");
+        let detail = format!("the client's Credit does not count {lost} of the packets sent");
         channel.report(Withheld::Lost, &detail);
     }
 }

@@ -88,7 +88,7 @@ impl Limits {
         let first = found.first_miss.filter(|_| !passed);
         let text = match (passed, first) {
             _ if *frames == 0 => {
-                "deadlines: there was no frame; give the run more minutes than a period of the camera's takes".to_string()
+                "deadlines: there was no frame; set --minutes to more than one frame period of the camera".to_string()
             }
             (true, _) => format!("{text_start} within {}", short(max)),
             (false, None) => format!("{text_start} is not within {}", short(max)),
@@ -127,7 +127,7 @@ fn p99(max_ms: f64, found: &Latencies) -> Verdict {
     let text = match (p99, named) {
         (None, _) if found.frames == 0 => "p99 is not known: there was no frame".to_string(),
         (None, named) => format!(
-            "p99 is above {max_ms} ms: {lost} of {} frames did not come whole{}",
+            "p99 is above {max_ms} ms: {lost} of {} frames were lost or incomplete{}",
             found.frames,
             named.map_or(String::new(), |named| format!("; {named}"))
         ),
@@ -238,7 +238,7 @@ mod tests {
         let verdicts = limits.assess(&of(broken));
         assert_eq!(
             verdicts[1].text,
-            "p99 is above 1000000000 ms: 1 of 1 frames did not come whole; frame 0 was the first (not whole)"
+            "p99 is above 1000000000 ms: 1 of 1 frames were lost or incomplete; frame 0 was the first (incomplete)"
         );
     }
 
@@ -259,7 +259,7 @@ mod tests {
         assert!(!more.passed);
         assert_eq!(
             more.text,
-            "p99 is above 12 ms: 11 of 1000 frames did not come whole; frame 989 was the first (not whole)"
+            "p99 is above 12 ms: 11 of 1000 frames were lost or incomplete; frame 989 was the first (incomplete)"
         );
         assert_eq!(more.frame, Some(989));
     }

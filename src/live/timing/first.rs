@@ -27,7 +27,7 @@ pub struct Slow {
 }
 
 impl Miss {
-    /// `late by 4.20 ms`, `not whole`, or `an exposure before it has no frame`.
+    /// `late by 4.20 ms`, `incomplete`, or `an exposure before it has no frame`.
     #[must_use]
     pub(crate) fn describe(&self) -> String {
         let late = self.late_s.map(|s| format!("late by {:.2} ms", s * 1e3));
@@ -46,7 +46,7 @@ impl Slow {
 
 fn time_text(time: Option<String>, unexposed: Option<&str>) -> String {
     let none = unexposed.map(|side| format!("an exposure {side} has no frame"));
-    none.or(time).unwrap_or_else(|| "not whole".to_string())
+    none.or(time).unwrap_or_else(|| "incomplete".to_string())
 }
 
 /// A time in s, or null.

@@ -186,7 +186,7 @@ fn a_bad_segment_is_reported_and_the_rest_loads() {
     };
     assert_eq!(
         refused.to_string(),
-        "test.oem:3: REF_FRAME 'LVLH'; read are GCRF, ICRF, EME2000, J2000, MOD, TOD, TEME, \
+        "test.oem:3: REF_FRAME 'LVLH'; expected GCRF, ICRF, EME2000, J2000, MOD, TOD, TEME, \
          ITRF (of any year), WGS84, TDR, GTOD and PEF: give the data in one of them, GCRF at best"
     );
 }

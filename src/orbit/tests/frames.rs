@@ -180,7 +180,7 @@ fn versions_are_those_of_the_standards() {
                 version => published.contains(&version),
             };
             let known = published.join(", ");
-            let says = format!("CCSDS_{kind}_VERS '{version}'; read are {known}:");
+            let says = format!("CCSDS_{kind}_VERS '{version}'; expected {known}:");
             for message in messages {
                 let text = message.replacen('@', version, 1);
                 match refusal(&text) {
@@ -202,15 +202,15 @@ fn versions_are_read_from_any_valid_xml_attributes() {
     // references, and the predefined entities.
     for [attributes, reason] in rows(
         r#"
-        id='CCSDS_OEM_VERS' version='9.0'     | _VERS '9.0'; read are
-        id="a version"\n version = "9.0"      | _VERS '9.0'; read are
+        id='CCSDS_OEM_VERS' version='9.0'     | _VERS '9.0'; expected
+        id="a version"\n version = "9.0"      | _VERS '9.0'; expected
         version="2.0"\nid="version='9.0'"     | no <metadata>
         ndm:version='9.0' version='2.0'       | no <metadata>
-        id='a>b' version='9.0'                | _VERS '9.0'; read are
+        id='a>b' version='9.0'                | _VERS '9.0'; expected
         version='&#50;&#x2e;0'                | no <metadata>
-        version='&#57;.0'                     | _VERS '9.0'; read are
-        version='&lt;&gt;&amp;&apos;&quot;'   | _VERS '<>&'"'; read are
-        version='&two;.0'                     | _VERS '&two;.0'; read are
+        version='&#57;.0'                     | _VERS '9.0'; expected
+        version='&lt;&gt;&amp;&apos;&quot;'   | _VERS '<>&'"'; expected
+        version='&two;.0'                     | _VERS '&two;.0'; expected
         "#,
     ) {
         let attributes = attributes.replace("\n ", "\n\t");

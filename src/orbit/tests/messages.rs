@@ -152,14 +152,14 @@ fn unsupported_attitude_files_are_refused_with_a_reason() {
     // Version, both frames, type, further metadata, numbers; line and reason of the refusal.
     for [version, frames, kind, more, numbers, line, reason] in rows(
         r"
-        2.0 | ICRF SC_BODY_1 | SPIN        |  | 0 0 0 1   | 9  | 'SPIN'; read are QUATERNION
+        2.0 | ICRF SC_BODY_1 | SPIN        |  | 0 0 0 1   | 9  | 'SPIN'; expected QUATERNION
         1.0 | ICRF SC_BODY_1 | EULER_ANGLE |  | 0 0 0     | 9  | export the attitudes as QUATERNION
         2.0 | ICRF SC_BODY_1 | QUATERNION | ATTITUDE_DIR = B2A\n    | 0 0 0 1 | 4 | CCSDS_AEM_VERS = 1.0
         2.0 | ICRF SC_BODY_1 | QUATERNION | QUATERNION_TYPE = FIRST\n | 1 0 0 0 | 4 | the scalar last
         1.0 | ICRF SC_BODY_1 | QUATERNION |   | 0 0 0 1   | 4  | no ATTITUDE_DIR, which version 1.0
         1.0 | ICRF SC_BODY_1 | QUATERNION | ATTITUDE_DIR = A2B\n    | 0 0 0 1 | 4 | no QUATERNION_TYPE
-        3.0 | ICRF SC_BODY_1 | QUATERNION |   | 0 0 0 1   | 1  | '3.0'; read are 1.0, 2.0:
-        2.0 | LVLH SC_BODY_1 | QUATERNION |   | 0 0 0 1   | 7  | REF_FRAME_A 'LVLH'; read are GCRF
+        3.0 | ICRF SC_BODY_1 | QUATERNION |   | 0 0 0 1   | 1  | '3.0'; expected 1.0, 2.0:
+        2.0 | LVLH SC_BODY_1 | QUATERNION |   | 0 0 0 1   | 7  | REF_FRAME_A 'LVLH'; expected GCRF
         2.0 | ICRF STARTRACKER_1 | QUATERNION | | 0 0 0 1 | 8  | not of an instrument
         2.0 | ICRF SC_BODY_1 | QUATERNION |   | 0 0 0     | 15 | no quaternion
         2.0 | ICRF SC_BODY_1 | QUATERNION |   | 0 0 0 1 2 | 15 | 5 values, not 4

@@ -202,7 +202,7 @@ fn line_ends_byte_order_marks_and_comments_change_nothing() {
 fn a_bad_value_is_reported() {
     for [old, new, reason] in rows(
         "
-        SGP4  | DSST    | MEAN_ELEMENT_THEORY 'DSST': only elements of SGP4 are flown: fetch those
+        SGP4  | DSST    | MEAN_ELEMENT_THEORY 'DSST': only elements of SGP4 are used: fetch those
         SGP4  | DSST    | or an ephemeris as OEM (MADE UP 1, NORAD_CAT_ID 100001)
         SGP4  | SGP4-XP | MEAN_ELEMENT_THEORY 'SGP4-XP': elements of SGP4-XP
         TEME  | EME2000 | REF_FRAME 'EME2000'; only TEME is read

@@ -83,8 +83,8 @@ impl Detector {
         let reach = self.converter_reach_e();
         (self.response_e(self.full_well_e) > reach).then(|| {
             format!(
-                "above the converter's reach of {reach:.0} e- ((2^adc_bits - 1 - offset_dn) gain_e_per_dn): DN clip before \
-                 pixels fill; if that is intended, set adc_clips_first = true"
+                "above the ADC's range of {reach:.0} e- ((2^adc_bits - 1 - offset_dn) gain_e_per_dn): DN clip before \
+                 pixels reach full well; if that is intended, set adc_clips_first = true"
             )
         })
     }

@@ -58,7 +58,7 @@ fn assess<'s>(scene: &'s Scene, _: &Fidelity) -> (Assessment<'s>, Pass<'s>) {
             ("", 0.2)
         };
         let because = format!(
-            "a pixel may get {} e-, where it holds {}{spilling}",
+            "a pixel may collect {} e-, above the full well of {} e-{spilling}",
             three_digits(max_e),
             three_digits(full)
         );

@@ -31,7 +31,7 @@ fn assess<'s>(scene: &'s Scene, _: &Fidelity) -> (Assessment<'s>, Pass<'s>) {
     } else {
         let max_e = drawn_e(brightest) + scene.struck.max_e();
         let because = format!(
-            "{} % missing at full well, {} % in the fullest pixel",
+            "the response is {} % low at full well, {} % low in the brightest pixel",
             three_digits(100.0 * share),
             three_digits(100.0 * missing(max_e) / held(max_e))
         );

@@ -23,7 +23,7 @@ fn assess<'s>(scene: &'s Scene, _: &Fidelity) -> (Assessment<'s>, Pass<'s>) {
     let held = scene.brightest_e().min(scene.blooming.max_e);
     let brightest_dn = (held * per_electron + offset + 0.5).clamp(0.0, max);
     let all_e = brightest_dn * detector.gain_e_per_dn;
-    let because = format!("a frame is digits of {} bits", detector.bits);
+    let because = format!("charge is digitised to {} bits", detector.bits);
     let assessment = Assessment::of_pixels(scene, because, all_e, 0.25);
     let converter = Converter {
         per_electron,

@@ -40,7 +40,7 @@ pub enum Unobservable {
         exposure_s: f64,
     },
     /// The state, propagated along its orbit, is out of range.
-    #[error("state carried on to {}: {source}", utc_text(*epoch))]
+    #[error("state propagated to {}: {source}", utc_text(*epoch))]
     State {
         /// An instant of the exposure.
         epoch: Epoch,

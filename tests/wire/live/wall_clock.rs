@@ -189,7 +189,7 @@ fn attitudes_extrapolated_below_the_ground_are_refused_once() {
     };
     // After 44 ms it is 4 km lower: at 50 Hz the third exposure is impossible.
     let count = client.point(falling, EPOCH);
-    let parts = ["carried on to 2019-06-15T23:35:50."];
+    let parts = ["propagated to 2019-06-15T23:35:50."];
     let nack = client.refused(Reason::ValueOutOfRange, &parts);
     assert_eq!(nack.sequence_count, count);
     assert!(nack.detail.ends_with("or left out"), "{}", nack.detail);

@@ -216,7 +216,7 @@ impl RawDetector {
     fn check_keys(&self, full_scale: f64, bits: u8, check: &Check) -> Result<(), ConfigError> {
         if self.offset_dn >= full_scale {
             let allowed = format!(
-                "below {full_scale}, the largest number of {bits} bits: none is left for charge"
+                "below {full_scale}, the full scale of {bits} bits: no range is left for the signal"
             );
             let error = check.refuse("detector.offset_dn", self.offset_dn, allowed);
             return Err(error.needs(&["detector.adc_bits"]));
@@ -267,7 +267,7 @@ impl RawDetector {
         let filled = self.full_well_e / detector.gain_e_per_dn / full_scale;
         if filled < MIN_FILLED {
             check.notice(format_args!(
-                "detector.gain_e_per_dn = {}: pixels are full at {:.3} % of the converter's largest number: is it e-/DN (not DN/e-), and \
+                "detector.gain_e_per_dn = {}: full well is at {:.3} % of the ADC's full scale: is it e-/DN (not DN/e-), and \
                  detector.full_well_e in e-?",
                 self.gain_e_per_dn,
                 100.0 * filled
