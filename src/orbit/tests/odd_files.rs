@@ -27,7 +27,7 @@ fn theories_of_sgp4_are_accepted_and_others_refused_by_name() {
     }
     let of_type = |number: &str| format!("{KVN}EPHEMERIS_TYPE = {number}\n");
     for (text, assumed) in [
-        (of_theory("SGP"), "MEAN_ELEMENT_THEORY = SGP: flown by"),
+        (of_theory("SGP"), "MEAN_ELEMENT_THEORY = SGP: propagated by"),
         (of_theory("TLE"), "MEAN_ELEMENT_THEORY = TLE: taken as"),
         (of_theory("GP"), "MEAN_ELEMENT_THEORY = GP: taken as"),
         (of_type("2"), "ephemeris type"),
