@@ -8,12 +8,12 @@ mod bus;
 mod can;
 pub mod capture;
 mod error;
-mod every;
 pub mod fault;
 mod inbox;
 mod kind;
 mod line;
 mod lock;
+mod log_rate_limit;
 #[cfg(target_os = "linux")]
 mod low_latency;
 mod memory;
@@ -36,11 +36,11 @@ mod udp;
 mod wire;
 
 pub use error::{LinkError, OpenError};
-pub use every::LogRateLimit;
 pub use inbox::QUEUE;
 pub use inbox::{Inbound, Inbox, InboxSender};
 pub use kind::{AroundBus, AtBus, BothEnds, BusInstruments, Link, Options};
 pub use lock::lock;
+pub use log_rate_limit::LogRateLimit;
 pub use outbox::FAULT_REFUSED;
 pub use outbox::{Outbound, Outbox};
 #[cfg(target_os = "linux")]

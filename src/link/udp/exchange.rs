@@ -1,8 +1,8 @@
 //! The client of a UDP link: one at a time.
 
 use super::proof::{Party, Proof, Prover};
-use crate::every::LogRateLimit;
 use crate::kind::Options;
+use crate::log_rate_limit::LogRateLimit;
 use crate::tally::{Tally, count, is_of_frame};
 use std::net::SocketAddr;
 use std::sync::Arc;

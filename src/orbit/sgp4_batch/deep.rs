@@ -4,10 +4,10 @@
 use super::constants::{Method, ModelConstants, Perturber};
 use super::lanes::{Lanes, Part, Row};
 use super::model::Model;
+use super::orbit_kind::OrbitKind;
 use super::resonance::{Resonance, Unperturbed};
 use super::secular::{Secular, When};
 use super::short_period::{Failed, Perturbed, k5};
-use super::site::OrbitKind;
 use crate::elements::Elements;
 use pulp::Simd;
 

@@ -33,11 +33,11 @@ mod lanes;
 mod level;
 mod model;
 mod near;
+mod orbit_kind;
 mod propagate;
 mod resonance;
 mod secular;
 mod short_period;
-mod site;
 mod trig;
 
 pub use batch::{Batch, States};

@@ -2,9 +2,9 @@
 
 use super::constants::ModelConstants;
 use super::lanes::{Lanes, Part};
+use super::orbit_kind::OrbitKind;
 use super::secular::{Secular, When};
 use super::short_period::Perturbed;
-use super::site::OrbitKind;
 use crate::elements::Elements;
 use pulp::Simd;
 

@@ -7,9 +7,9 @@
 use super::constants::{Elliptic, High, Method, ModelConstants};
 use super::lanes::{Lanes, Part, Row};
 use super::model::Model;
+use super::orbit_kind::OrbitKind;
 use super::secular::Secular;
 use super::short_period::{Failed, Perturbed};
-use super::site::OrbitKind;
 use crate::elements::Elements;
 use pulp::Simd;
 

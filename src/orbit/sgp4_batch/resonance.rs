@@ -6,8 +6,8 @@
 
 use super::constants;
 use super::lanes::{Lanes, Part, Row, Truth};
+use super::orbit_kind::OrbitKind;
 use super::secular::Secular;
-use super::site::OrbitKind;
 use pulp::Simd;
 
 /// Length of a step, min.
