@@ -7,10 +7,10 @@
 //! pass is found, and shorter ones may be missed. A pass also begins or ends where the object's
 //! states do.
 
-mod course;
 mod crossing;
 mod field;
 mod known;
+mod observer_track;
 mod pointing;
 mod request;
 mod search;
@@ -18,10 +18,10 @@ mod search;
 pub use crossing::{Lit, Pass, PassInstant};
 pub use request::{NoPasses, Search};
 
-use course::ObserverTrack;
 use field::Field;
 use hifitime::{Epoch, Unit};
 use nalgebra::{Matrix3, Vector3};
+use observer_track::ObserverTrack;
 use rayon::prelude::*;
 use search::ObjectSearch;
 use skyloop_config::flight::Flight;

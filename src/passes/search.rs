@@ -1,9 +1,9 @@
 //! Times of an object in the field: a time interval is bisected if the image, at its highest
 //! possible speed, may reach the edge.
 
-use super::course::{ObserverTrack, Step};
 use super::field::Field;
 use super::known::{self, NoState};
+use super::observer_track::{ObserverTrack, Step};
 use super::request::{NoPasses, Search};
 use hifitime::Epoch;
 use nalgebra::Vector3;

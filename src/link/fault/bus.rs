@@ -5,8 +5,8 @@
 //! delay line, count as overflows. While the bus is off in either direction, nothing arrives,
 //! frames to send stay queued, and the link gets an error frame like one of the kernel.
 
-use super::book::Book;
 use super::engine::{Damageable, Pushed};
+use super::fault_log::Book;
 use super::injector::Injector;
 use super::outage::Change;
 use super::plan::Plan;

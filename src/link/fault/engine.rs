@@ -1,7 +1,7 @@
 //! The fault engine of one direction, without a clock or a wire of its own.
 
-use super::harm::{ItemState, ORDER, is_loss};
 use super::injection::{Event, Injection};
+use super::item_state::{ItemState, ORDER, is_loss};
 use super::line::{Line, Order};
 use super::rule::Rule;
 use super::stopped::{LastingEffects, Shape};

@@ -1,12 +1,12 @@
 //! The faults of both directions of one link with their common time, log and counters.
 
-use super::book::Book;
 use super::engine::{Damageable, Faults};
-use super::harm::{is_damage, is_loss};
+use super::exempt_answers::ExemptAnswers;
+use super::fault_log::Book;
 use super::injection::{Event, Injection};
+use super::item_state::{is_damage, is_loss};
 use super::outage::{Change, Outage, in_order};
 use super::plan::{Plan, impossible};
-use super::spared::ExemptAnswers;
 use crate::lock::lock;
 use crate::tally::{Tally, count};
 use skyloop_protocols::{Command, Direction, FaultKind, Personality};

@@ -4,22 +4,22 @@
 //! The order is wire, faults, capture, emulator: a recording holds the packets that the emulator
 //! received and sent.
 
-mod book;
 mod bus;
 mod engine;
-mod harm;
+mod exempt_answers;
+mod fault_log;
 mod injection;
 mod injector;
+mod item_state;
 mod line;
 mod outage;
 mod plan;
 mod rule;
-mod spared;
 mod stopped;
 mod wire;
 
-pub use book::{Book, MARK as LOG_MARK};
 pub use bus::BusFaults;
+pub use fault_log::{Book, MARK as LOG_MARK};
 pub use line::CAPACITY;
 pub use plan::{Plan, impossible, name};
 pub use stopped::{Needs, Stop};

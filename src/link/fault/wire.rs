@@ -1,7 +1,7 @@
 //! Faults of an open link: one thread per direction between the link and the emulator.
 
-use super::book::Book;
 use super::engine::{Damageable, Pushed};
+use super::fault_log::Book;
 use super::injector::Injector;
 use super::plan::{Plan, impossible};
 use crate::error::LinkError;
