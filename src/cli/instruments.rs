@@ -4,7 +4,7 @@ use anyhow::{Error, anyhow, bail};
 use clap::Args;
 use skyloop::engine::Emulator;
 use skyloop::link::capture::{Capture, Origin, remedy_of};
-use skyloop::link::fault::{Book, BusFaults, LOG_MARK, Needs, Plan, Stop, wrap};
+use skyloop::link::fault::{BusFaults, FaultLog, LOG_MARK, Needs, Plan, Stop, wrap};
 use skyloop::link::{self, BusInstruments, LinkError, Roles, Wire};
 use skyloop::orbit::path_text;
 use skyloop::orbit::{Input, OutputFile, inputs, is_same_file};
@@ -35,7 +35,7 @@ pub struct Choice {
 /// The instruments of a link.
 #[derive(Default)]
 pub struct Instruments {
-    faults: Option<(Plan, Arc<Mutex<Book>>)>,
+    faults: Option<(Plan, Arc<Mutex<FaultLog>>)>,
     capture: Option<Capture>,
     /// The fault log. The threads of links write it.
     log: Option<(PathBuf, OutputFile)>,
@@ -56,15 +56,15 @@ impl Choice {
             Some(file) => Some(Plan::load(file, buses.iter().all(|bus| *bus))?),
             None => self.fault_log.as_ref().map(|_| Plan::default()),
         };
-        let (book, log) = match &self.fault_log {
+        let (fault_log, log) = match &self.fault_log {
             Some(file) => {
                 let opened = OutputFile::open(file, LOG_MARK, force).and_then(|output| {
-                    let book = Book::writing(file, &output)?;
-                    Ok((book, Some((file.clone(), output))))
+                    let fault_log = FaultLog::writing(file, &output)?;
+                    Ok((fault_log, Some((file.clone(), output))))
                 });
                 opened.map_err(|why| unwritten(file, &why))?
             }
-            None => (Book::default(), None),
+            None => (FaultLog::default(), None),
         };
         let capture = match &self.capture {
             Some(file) if records_frames(&buses) => Some(Capture::frames(file, force)?),
@@ -72,7 +72,7 @@ impl Choice {
             None => None,
         };
         Ok(Instruments {
-            faults: plan.map(|plan| (plan, Arc::new(Mutex::new(book)))),
+            faults: plan.map(|plan| (plan, Arc::new(Mutex::new(fault_log)))),
             capture,
             log,
             inputs,
@@ -197,8 +197,9 @@ impl Instruments {
             faults: faults.is_some(),
             at: Arc::new(move |address, tally| {
                 let faults = faults.as_ref();
-                let faults =
-                    faults.map(|(plan, book)| BusFaults::new(address, tally, plan, &NATIVE, book));
+                let faults = faults.map(|(plan, fault_log)| {
+                    BusFaults::new(address, tally, plan, &NATIVE, fault_log)
+                });
                 let recorder = recorder.clone();
                 Box::new(move |bus| {
                     let bus = match &faults {
@@ -218,8 +219,8 @@ impl Instruments {
     pub fn around(&self, links: Vec<(Wire, Roles)>) -> Result<Vec<(Wire, Roles)>, LinkError> {
         let mut around = Vec::with_capacity(links.len());
         for (number, ((mut wire, roles), on_bus)) in (0..).zip(links.into_iter().zip(&self.buses)) {
-            if let (Some((plan, book)), false) = (&self.faults, on_bus) {
-                wire = wrap(wire, plan, &NATIVE, book)?;
+            if let (Some((plan, fault_log)), false) = (&self.faults, on_bus) {
+                wire = wrap(wire, plan, &NATIVE, fault_log)?;
             }
             if let Some(capture) = self
                 .capture
@@ -253,8 +254,8 @@ impl Instruments {
 
     /// The fault that blocks all packets; none if it met no packet after `since`, or has ended.
     pub fn stopped(&self, since: Instant, needs: Needs) -> Option<Stop> {
-        let (_, book) = self.faults.as_ref()?;
-        let book = book.lock().unwrap_or_else(PoisonError::into_inner);
+        let (_, fault_log) = self.faults.as_ref()?;
+        let fault_log = fault_log.lock().unwrap_or_else(PoisonError::into_inner);
         // On CAN each long packet waits for its flow control.
         let flow_control = Duration::from_micros(Parameters::FD.timeout_us);
         let timeout = if self.buses.contains(&true) {
@@ -262,7 +263,7 @@ impl Instruments {
         } else {
             needs.timeout
         };
-        book.stopped(since, &Needs { timeout, ..needs })
+        fault_log.stopped(since, &Needs { timeout, ..needs })
     }
 
     /// The row in the table of the run.
@@ -272,9 +273,9 @@ impl Instruments {
 
     /// A summary of the injected faults, if there are any.
     pub fn faults(&self) -> Option<String> {
-        let (_, book) = self.faults.as_ref()?;
-        let book = book.lock().unwrap_or_else(PoisonError::into_inner);
-        Some(book.summary())
+        let (_, fault_log) = self.faults.as_ref()?;
+        let fault_log = fault_log.lock().unwrap_or_else(PoisonError::into_inner);
+        Some(fault_log.summary())
     }
 
     /// Runs `body`, and then ends the files in any case. Both errors are reported.
@@ -293,9 +294,9 @@ impl Instruments {
     /// Ends the files; an error names those that are incomplete.
     fn finish(mut self) -> anyhow::Result<()> {
         let captured = self.capture.map_or(Ok(0), Capture::finish);
-        let logged = self.faults.map_or(Ok(()), |(_, book)| {
-            let mut book = book.lock().unwrap_or_else(PoisonError::into_inner);
-            book.finish().map_err(|why| {
+        let logged = self.faults.map_or(Ok(()), |(_, fault_log)| {
+            let mut fault_log = fault_log.lock().unwrap_or_else(PoisonError::into_inner);
+            fault_log.finish().map_err(|why| {
                 let log = self.log.iter_mut();
                 log.for_each(|(_, output)| output.discard_empty());
                 anyhow!("--fault-log {why}")

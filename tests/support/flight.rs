@@ -6,7 +6,7 @@ use hifitime::Epoch;
 use skyloop::attitude::Attitude;
 use skyloop::config::{Clock, Config, Sequence, TimedAttitude};
 use skyloop::engine::Emulator;
-use skyloop::link::fault::{Book, BusFaults, Plan, wrap};
+use skyloop::link::fault::{BusFaults, FaultLog, Plan, wrap};
 use skyloop::link::{self, Airtime, BothEnds, BusInstruments, Options, Roles};
 use skyloop::serve::{Ended, Server};
 use skyloop_firmware_sim::event::Event;
@@ -94,7 +94,7 @@ fn both_ends(link: &str, plan: &str) -> BothEnds {
 }
 
 /// The options of a link; on a bus, with these faults, which are recorded in the book.
-pub fn options(faults: Option<(Plan, Arc<Mutex<Book>>)>) -> Options {
+pub fn options(faults: Option<(Plan, Arc<Mutex<FaultLog>>)>) -> Options {
     Options {
         idle: Duration::from_secs(5),
         personality: &NATIVE,

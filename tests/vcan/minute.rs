@@ -4,7 +4,7 @@ use crate::flight::{Course, Flight, compare, fly, fly_between, options};
 use crate::tools::run;
 use crate::{CLASSIC, FD, VCAN0, VCAN1};
 use skyloop::link;
-use skyloop::link::fault::{Book, Plan};
+use skyloop::link::fault::{FaultLog, Plan};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::channel;
 use std::sync::{Arc, LazyLock, Mutex};
@@ -22,7 +22,7 @@ static REFERENCE: LazyLock<Flight> = LazyLock::new(|| fly(MINUTE, "memory", "win
 fn fly_over(
     course: Course,
     (interface, rates): (&str, &str),
-    faults: Option<(Plan, Arc<Mutex<Book>>)>,
+    faults: Option<(Plan, Arc<Mutex<FaultLog>>)>,
     seen: impl FnMut(u32),
 ) -> Flight {
     let url = format!("can://{interface}?{rates}");
@@ -108,7 +108,7 @@ fn losses_on_a_bad_bus_are_counted_and_requested_again() {
     let plan = "[[faults]]\ndirection = \"in\"\nkind = \"drop\"\nvalue = 0.002\n\
                 [[faults]]\ndirection = \"out\"\nkind = \"drop\"\nvalue = 0.002\n";
     let plan = Plan::parse("faults", plan, true).unwrap();
-    let book = Arc::new(Mutex::new(Book::default()));
+    let book = Arc::new(Mutex::new(FaultLog::default()));
     let course = Course {
         frames: 120,
         ..MINUTE

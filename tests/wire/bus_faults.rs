@@ -2,7 +2,7 @@
 
 use crate::support::always;
 use skyloop::link::Tally;
-use skyloop::link::fault::{Book, BusFaults, Plan};
+use skyloop::link::fault::{BusFaults, FaultLog, Plan};
 use skyloop_firmware_sim::can::{CanBus, Sending};
 use skyloop_protocols::can::CanFrame;
 use skyloop_protocols::personality::NATIVE;
@@ -55,7 +55,7 @@ struct Rig {
     from: Receiver<CanFrame>,
     control: Arc<Control>,
     tally: Arc<Tally>,
-    book: Arc<Mutex<Book>>,
+    book: Arc<Mutex<FaultLog>>,
 }
 
 impl Rig {

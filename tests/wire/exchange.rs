@@ -8,7 +8,7 @@ use crate::support::{
 use skyloop::config::Clock;
 use skyloop::engine::Emulator;
 use skyloop::frame::Frame;
-use skyloop::link::fault::{Book, Plan, wrap};
+use skyloop::link::fault::{FaultLog, Plan, wrap};
 use skyloop::link::{self, Roles};
 use skyloop::serve::{Ended, Server};
 use skyloop_protocols::personality::NATIVE;
@@ -109,7 +109,7 @@ fn late_packets_of_an_earlier_client_are_ignored() {
     // Packets of the first second are delayed by up to 9 s, by 7.8 s with this seed.
     let plan = "[[faults]]\ndirection = \"in\"\nkind = \"jitter\"\nvalue = 9.0\nfor_s = 1.0\n";
     let plan = Plan::parse("faults.toml", plan, false).unwrap();
-    let book = Arc::new(Mutex::new(Book::default()));
+    let book = Arc::new(Mutex::new(FaultLog::default()));
     let wire = link::open("udp://127.0.0.1:0", &options(0.15)).unwrap();
     let wire = wrap(wire, &plan, &NATIVE, &book).unwrap();
     let line = UdpLine::to(&wire.address);

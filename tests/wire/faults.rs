@@ -8,7 +8,7 @@ use crate::support::{
 };
 use bytes::Bytes;
 use skyloop::config::Clock;
-use skyloop::link::fault::{Book, CAPACITY, Plan, wrap};
+use skyloop::link::fault::{CAPACITY, FaultLog, Plan, wrap};
 use skyloop::link::{self, Outbound, Wire};
 use skyloop_protocols::personality::NATIVE;
 use skyloop_protocols::{Ack, Command, Counters, Direction, FaultKind, Reason, Reply};
@@ -18,7 +18,7 @@ use std::time::{Duration, Instant};
 /// Both ends of a named link with faults.
 fn with_faults(link: &str, plan: &str) -> (Wire, Box<dyn Line + Send>) {
     let plan = Plan::parse("faults.toml", plan, false).unwrap();
-    let book = Arc::new(Mutex::new(Book::default()));
+    let book = Arc::new(Mutex::new(FaultLog::default()));
     let wrapped = |wire| wrap(wire, &plan, &NATIVE, &book).unwrap();
     if link == "udp" {
         let wire = link::open("udp://127.0.0.1:0?proof=off", &options(5.0)).unwrap();

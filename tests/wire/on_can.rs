@@ -5,7 +5,7 @@ use crate::support::client::{Client, moved};
 use crate::support::line::MemoryLine;
 use crate::support::{Running, await_that, fault, options, scene};
 use skyloop::config::Clock;
-use skyloop::link::fault::{Book, BusFaults, Plan};
+use skyloop::link::fault::{BusFaults, FaultLog, Plan};
 use skyloop::link::{self, BusInstruments};
 use skyloop_firmware_sim::can::{CanBus, Sending, Trouble};
 use skyloop_protocols::can::CanFrame;
@@ -42,7 +42,7 @@ impl CanBus for InjectingBus {
 fn on_a_bus() -> (Running, Client<MemoryLine>, Injected) {
     let injected = Injected::default();
     let of_bus = injected.clone();
-    let book = Arc::new(Mutex::new(Book::default()));
+    let book = Arc::new(Mutex::new(FaultLog::default()));
     let mut options = options(5.0);
     options.bus = Some(BusInstruments {
         faults: true,

@@ -7,7 +7,7 @@ use skyloop::config::{Clock, Config};
 use skyloop::engine::Emulator;
 use skyloop::link::capture::replay::{Progress, Replay, Same, load};
 use skyloop::link::capture::{Capture, Origin};
-use skyloop::link::fault::{Book, Plan, wrap};
+use skyloop::link::fault::{FaultLog, Plan, wrap};
 use skyloop::link::{self, Wire};
 use skyloop::serve::Server;
 use skyloop_protocols::personality::NATIVE;
@@ -56,7 +56,10 @@ fn recorder<'w>(
 
 /// An emulator at a UDP port with the faults of `plan`, if any, recorded in `file`; and a client's
 /// end.
-fn recorded(file: &Path, plan: Option<(&Plan, &Arc<Mutex<Book>>)>) -> (Running, UdpLine, Capture) {
+fn recorded(
+    file: &Path,
+    plan: Option<(&Plan, &Arc<Mutex<FaultLog>>)>,
+) -> (Running, UdpLine, Capture) {
     let mut wire = link::open("udp://127.0.0.1:0", &options(5.0)).unwrap();
     let line = UdpLine::to(&wire.address);
     if let Some((plan, book)) = plan {
@@ -79,7 +82,7 @@ fn two_recorded(file: &Path) -> (Running, [UdpLine; 2], Capture) {
 /// Records a run over a bad line in `file`. Returns its counters and the number of faults.
 fn record(file: &Path) -> (Counters, u64) {
     let plan = Plan::parse("faults.toml", BAD_LINE, false).unwrap();
-    let book = Arc::new(Mutex::new(Book::default()));
+    let book = Arc::new(Mutex::new(FaultLog::default()));
     let (emulator, mut line, capture) = recorded(file, Some((&plan, &book)));
     let mut counts = SequenceCounts::new();
     let mut send = |line: &mut UdpLine, command: Command, time| {

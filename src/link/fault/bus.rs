@@ -6,7 +6,7 @@
 //! frames to send stay queued, and the link gets an error frame like one of the kernel.
 
 use super::engine::{Damageable, Pushed};
-use super::fault_log::Book;
+use super::fault_log::FaultLog;
 use super::injector::Injector;
 use super::outage::Change;
 use super::plan::Plan;
@@ -101,10 +101,10 @@ impl BusFaults {
         tally: &Arc<Tally>,
         plan: &Plan,
         personality: &'static Personality,
-        book: &Arc<Mutex<Book>>,
+        fault_log: &Arc<Mutex<FaultLog>>,
     ) -> BusFaults {
         BusFaults(Arc::new(Mutex::new(State {
-            faults: Injector::new(address, tally, plan, personality, book),
+            faults: Injector::new(address, tally, plan, personality, fault_log),
             stopped: None,
             sending: false,
             is_off: false,

@@ -15,7 +15,7 @@ use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 /// Injected faults so far.
 #[derive(Default)]
-pub struct Book {
+pub struct FaultLog {
     counts: BTreeMap<(bool, &'static str), u64>,
     stopped: Stopped,
     log: Option<Log>,
@@ -37,16 +37,16 @@ pub const MARK: Mark = &["{\"t_s\":", ",\"unix_s\":"];
 /// Maximum number of listed inverted bits per packet; further ones are only counted.
 const MAX_BITS: usize = 64;
 
-impl Book {
-    /// A book that also writes to `output` at `path`.
-    pub fn writing(path: &Path, output: &OutputFile) -> std::io::Result<Book> {
-        Ok(Book {
+impl FaultLog {
+    /// A log that also writes to `output` at `path`.
+    pub fn writing(path: &Path, output: &OutputFile) -> std::io::Result<FaultLog> {
+        Ok(FaultLog {
             log: Some(Log {
                 name: path_text(path),
                 file: BufWriter::new(output.file()?),
                 failed: None,
             }),
-            ..Book::default()
+            ..FaultLog::default()
         })
     }
 

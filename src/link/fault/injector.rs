@@ -2,7 +2,7 @@
 
 use super::engine::{Damageable, Faults};
 use super::exempt_answers::ExemptAnswers;
-use super::fault_log::Book;
+use super::fault_log::FaultLog;
 use super::injection::{Event, Injection};
 use super::item_state::{is_damage, is_loss};
 use super::outage::{Change, Outage, in_order};
@@ -27,7 +27,7 @@ pub(super) struct Injector<I, O = I> {
     bus_off: Outage,
     down: Outage,
     pub personality: &'static Personality,
-    book: Arc<Mutex<Book>>,
+    fault_log: Arc<Mutex<FaultLog>>,
     pub tally: Arc<Tally>,
     address: String,
     flushed: Instant,
@@ -40,7 +40,7 @@ impl<I: Damageable, O: Damageable> Injector<I, O> {
         tally: &Arc<Tally>,
         plan: &Plan,
         personality: &'static Personality,
-        book: &Arc<Mutex<Book>>,
+        fault_log: &Arc<Mutex<FaultLog>>,
     ) -> Injector<I, O> {
         Injector {
             zero: None,
@@ -50,7 +50,7 @@ impl<I: Damageable, O: Damageable> Injector<I, O> {
             bus_off: Outage::of(FaultKind::BusOff),
             down: Outage::of(FaultKind::Down),
             personality,
-            book: book.clone(),
+            fault_log: fault_log.clone(),
             tally: tally.clone(),
             address: address.to_string(),
             flushed: Instant::now(),
@@ -65,7 +65,7 @@ impl<I: Damageable, O: Damageable> Injector<I, O> {
     /// Notes the arrival of an item; returns the time since the first one.
     pub fn start(&mut self) -> Duration {
         if self.zero.is_none() {
-            lock(&self.book).start();
+            lock(&self.fault_log).start();
         }
         self.zero.get_or_insert_with(Instant::now).elapsed()
     }
@@ -111,11 +111,11 @@ impl<I: Damageable, O: Damageable> Injector<I, O> {
         self.outbound.turn(now);
         let injected = in_order(self.inbound.injected(), self.outbound.injected());
         self.note_faults(&injected, now);
-        let mut book = lock(&self.book);
-        book.add_lasting([self.inbound.lasting(), self.outbound.lasting()]);
-        book.note(&self.address, &injected);
+        let mut fault_log = lock(&self.fault_log);
+        fault_log.add_lasting([self.inbound.lasting(), self.outbound.lasting()]);
+        fault_log.note(&self.address, &injected);
         if self.flushed.elapsed() > FLUSH {
-            book.flush();
+            fault_log.flush();
             self.flushed = Instant::now();
         }
         let mut changes = Vec::new();

@@ -19,7 +19,7 @@ mod stopped;
 mod wire;
 
 pub use bus::BusFaults;
-pub use fault_log::{Book, MARK as LOG_MARK};
+pub use fault_log::{FaultLog, MARK as LOG_MARK};
 pub use line::CAPACITY;
 pub use plan::{Plan, impossible, name};
 pub use stopped::{Needs, Stop};

@@ -1,7 +1,7 @@
 //! Faults of an open link: one thread per direction between the link and the emulator.
 
 use super::engine::{Damageable, Pushed};
-use super::fault_log::Book;
+use super::fault_log::FaultLog;
 use super::injector::Injector;
 use super::plan::{Plan, impossible};
 use crate::error::LinkError;
@@ -80,15 +80,15 @@ impl Damageable for Outbound {
     }
 }
 
-/// Injects scheduled faults of `plan` and live faults between `wire` and the emulator. `book` logs
-/// them.
+/// Injects scheduled faults of `plan` and live faults between `wire` and the emulator, and records
+/// them in `fault_log`.
 pub fn wrap(
     wire: Wire,
     plan: &Plan,
     personality: &'static Personality,
-    book: &Arc<Mutex<Book>>,
+    fault_log: &Arc<Mutex<FaultLog>>,
 ) -> Result<Wire, LinkError> {
-    let faults = Injector::new(&wire.address, &wire.tally, plan, personality, book);
+    let faults = Injector::new(&wire.address, &wire.tally, plan, personality, fault_log);
     let shared = Arc::new(Shared {
         faults: Mutex::new(faults),
         tally: wire.tally.clone(),

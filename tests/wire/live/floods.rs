@@ -8,7 +8,7 @@ use crate::support::{
 };
 use skyloop::config::Clock;
 use skyloop::link;
-use skyloop::link::fault::{Book, Plan, wrap};
+use skyloop::link::fault::{FaultLog, Plan, wrap};
 use skyloop_protocols::personality::NATIVE;
 use skyloop_protocols::sequence::SequenceCounts;
 use skyloop_protocols::{AttitudeSource, Command, Direction, FaultKind, Reason, Reply};
@@ -135,7 +135,7 @@ fn burst(client: &mut Client<MemoryLine>, kind: FaultKind, direction: Direction,
 #[test]
 fn bursts_of_faults_are_counted_and_frames_continue_after_them() {
     let (wire, port) = link::loopback("memory", &options(60.0)).unwrap();
-    let book = Arc::new(Mutex::new(Book::default()));
+    let book = Arc::new(Mutex::new(FaultLog::default()));
     let wire = wrap(wire, &Plan::default(), &NATIVE, &book).unwrap();
     let _emulator = Running::start(quick(20.0), Clock::Wall, wire);
     let mut client = Client::new(MemoryLine(port)).unpaced();
