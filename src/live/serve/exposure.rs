@@ -58,13 +58,15 @@ pub(super) fn start_exposure(
         state.refuse_accepted(request, &pointing.message, &due, &why)?;
         return Ok(true);
     }
-    let spare = due
-        .deadline
-        .map(|deadline| deadline.saturating_duration_since(now));
+    let until_s = |at: Instant| {
+        let [left, past] =
+            [(at, now), (now, at)].map(|(to, from)| to.saturating_duration_since(from));
+        left.as_secs_f64() - past.as_secs_f64()
+    };
     // Without the jitter, which is drawn later.
     let release = due.end + Duration::from_secs_f64(state.late.delay.delay_s);
-    let held = release.saturating_duration_since(now);
-    let Decision::Render { level, overrun } = state.late.decide(spare, held) else {
+    let spare_s = due.deadline.map(until_s);
+    let Decision::Render { level, overrun } = state.late.decide(spare_s, until_s(release)) else {
         drop_exposure(state, &due, WOULD_BE_LATE);
         state.telemetry.stats.dropped = state.late.dropped;
         return Ok(true);

@@ -146,15 +146,16 @@ impl LatePolicy {
         (policy, idle)
     }
 
-    /// Decides about an exposure. Its frame is late after `spare` (none: never) and leaves the
-    /// device no earlier than after `held`.
-    pub fn decide(&mut self, spare: Option<Duration>, held: Duration) -> Decision {
-        let Some(spare_s) = spare.map(|spare| spare.as_secs_f64()) else {
+    /// Decides about an exposure. Its frame is late after `spare_s` (none: never) and leaves the
+    /// device no earlier than after `held_s`. Both are negative if that is past.
+    pub fn decide(&mut self, spare_s: Option<f64>, held_s: f64) -> Decision {
+        let Some(spare_s) = spare_s else {
             return self.render(0, None);
         };
-        let held_s = held.as_secs_f64();
+        let is_held_beyond = held_s > spare_s;
+        let (spare_s, held_s) = (spare_s.max(0.0), held_s.max(0.0));
         let ready_s = spare_s - self.transmission.expected_s();
-        let is_held_too_long = held_s > ready_s.max(0.0);
+        let is_held_too_long = is_held_beyond || held_s > ready_s.max(0.0);
         let in_time = |level: &Level| !is_held_too_long && level.render.fits(ready_s);
         let (level, overrun) = match (self.levels.iter().position(in_time), self.policy) {
             (Some(0), _) => (0, None),
@@ -291,8 +292,9 @@ mod tests {
         }
 
         /// Decides about a frame that is late after `spare` ms and held for `held` ms.
-        fn at(&mut self, spare: u64, held: u64) -> Decision {
-            self.decide(Some(ms(spare)), ms(held))
+        fn at(&mut self, spare: i32, held: i32) -> Decision {
+            let [spare_s, held_s] = [spare, held].map(|ms| f64::from(ms) / 1e3);
+            self.decide(Some(spare_s), held_s)
         }
 
         /// Frames of the levels took so many ms, the finest first.
@@ -317,7 +319,7 @@ mod tests {
         assert_eq!(overrun.at(0, 0), FINEST, "no estimate yet");
         overrun.took([50]);
         assert_eq!([overrun.at(50, 0), overrun.at(49, 0)], [FINEST, LATE]);
-        let single_shot = overrun.decide(None, Duration::ZERO);
+        let single_shot = overrun.decide(None, 0.0);
         assert_eq!(single_shot, FINEST);
         assert_eq!((overrun.dropped, overrun.fidelity(1)), (0, None));
     }
@@ -405,9 +407,10 @@ mod tests {
             (OnOverrun::Coarsen, LATE),
             (OnOverrun::Drop, Decision::Drop),
         ] {
-            // Before the first frame, too.
+            // Before the first frame, too, and when both times are past.
             let mut overrun = LatePolicy::of(policy);
             assert_eq!(overrun.at(100, 101), decision);
+            assert_eq!(overrun.at(-5, -4), decision);
             overrun.took([90]);
             assert_eq!(overrun.at(100, 101), decision);
         }
