@@ -24,6 +24,7 @@ use crate::sky::atmosphere::Atmosphere;
 use crate::sky::catalog::Catalog;
 use crate::sky::starlight::StarLight;
 use hifitime::{Epoch, Unit};
+use rayon::ThreadPool;
 use skyloop_base::abort::{Abort, WorkLimit};
 use skyloop_base::rng::NoiseKey;
 use skyloop_orbit::Ages;
@@ -68,6 +69,8 @@ pub struct Emulator {
     pub work_limit_s: Option<f64>,
     /// Cancels the current frame, from another thread.
     pub abort: Abort,
+    /// Threads of its own for frames; none: rayon's, which all emulators of a process share.
+    pub pool: Option<Arc<ThreadPool>>,
     /// The policy applied because the frame would have been late, for labels.
     pub overrun: Option<&'static str>,
     next_frame: u32,
@@ -86,7 +89,7 @@ impl Emulator {
     }
 
     /// The emulator of a further camera of the same vehicle, number `number` from 1 on. It shares
-    /// the objects, whose orbits are computed once, and has its own noise.
+    /// the threads and the objects, whose orbits are computed once, and has its own noise.
     pub fn further_camera(&self, camera: &Camera, number: u64) -> Emulator {
         let setup = Setup {
             camera: camera.clone(),
@@ -98,7 +101,10 @@ impl Emulator {
             population: self.world.population.clone(),
             rejected_records: self.rejected_records,
         };
-        Emulator::of(setup, self.world.starlight.clone())
+        Emulator {
+            pool: self.pool.clone(),
+            ..Emulator::of(setup, self.world.starlight.clone())
+        }
     }
 
     fn of(setup: Setup, starlight: Arc<StarLight>) -> Emulator {
@@ -131,6 +137,7 @@ impl Emulator {
             label: Default::default(),
             work_limit_s: None,
             abort: Abort::default(),
+            pool: None,
             overrun: None,
             next_frame: 0,
             rejected_records: setup.rejected_records,
@@ -197,9 +204,14 @@ impl Emulator {
     ) -> Result<ExposedFrame, Unobservable> {
         // The log's span is carried to another thread.
         let span = tracing::Span::current();
-        let made = render_pool::together(|| {
-            span.in_scope(|| self.made(observer, camera, vehicle, repeat))
-        });
+        let pool = self.pool.clone();
+        let mut make = || {
+            render_pool::together(|| span.in_scope(|| self.made(observer, camera, vehicle, repeat)))
+        };
+        let made = match pool {
+            Some(pool) => pool.install(make),
+            None => make(),
+        };
         // An abandoned frame has a number too: later numbers do not depend on its progress.
         if matches!(made, Ok(_) | Err(Unobservable::Abandoned)) {
             self.next_frame = self.next_frame.wrapping_add(1);
