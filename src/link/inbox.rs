@@ -176,7 +176,7 @@ impl Inbox {
     }
 
     /// Adds an observer.
-    pub(crate) fn observe(&mut self, observer: Box<dyn Observer>) {
+    pub fn observe(&mut self, observer: Box<dyn Observer>) {
         self.observers.push(observer);
     }
 

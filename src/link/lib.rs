@@ -37,7 +37,7 @@ mod wire;
 
 pub use error::{LinkError, OpenError};
 pub use inbox::QUEUE;
-pub use inbox::{Inbound, Inbox, InboxSender};
+pub use inbox::{Inbound, Inbox, InboxSender, Observer};
 pub use kind::{AroundBus, AtBus, BothEnds, BusInstruments, Link, Options};
 pub use lock::lock;
 pub use log_rate_limit::LogRateLimit;
