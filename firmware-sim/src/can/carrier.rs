@@ -357,8 +357,8 @@ impl<A: Above> Carrier<A> {
             self.above.note(Note::Trouble(trouble));
             return true;
         }
-        let now = self.now_us(Instant::now());
-        match self.node.receive(frame, now) {
+        // A frame that arrived in time is in time, however late this thread is.
+        match self.node.receive(frame, self.now_us(at)) {
             Some(packet) => self.above.arrived(packet, at),
             None => true,
         }
