@@ -8,7 +8,7 @@ use client::Client;
 use line::{Line, MemoryLine, PtyLine, UdpLine};
 use skyloop::config::{Clock, Config};
 use skyloop::engine::{Emulator, ExposedFrame};
-use skyloop::link::{self, Roles, Wire};
+use skyloop::link::{self, Inbound, Observer, Roles, Wire};
 use skyloop::metrics::{self, Metrics};
 use skyloop::serve::{Ended, Server};
 use skyloop::stats::RunStats;
@@ -20,7 +20,7 @@ use std::collections::BTreeMap;
 use std::io::{Read, Write};
 use std::net::{SocketAddr, TcpStream};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::sync::mpsc::{Receiver, channel};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
@@ -75,11 +75,42 @@ pub fn system_time() -> WireTime {
     WireTime::from_tai_nanoseconds(tai.as_nanos() as u64).unwrap()
 }
 
+/// An emulator with its own threads: others of this process do not wait for its frames.
+pub fn emulator(config: &mut Config) -> Emulator {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(2);
+    let mut emulator = Emulator::new(config);
+    emulator.pool = Some(Arc::new(pool.build().unwrap()));
+    emulator
+}
+
 /// An emulator that serves in a thread of its own.
 pub struct Running {
     pub shots: Receiver<ExposedFrame>,
     stop: Arc<AtomicBool>,
     thread: Option<JoinHandle<Server>>,
+    activity: Arc<Activity>,
+}
+
+/// What the server does, as its first link observes it.
+#[derive(Default)]
+struct Activity {
+    is_rendering: AtomicBool,
+    /// Number of rounds of the server in which no packet waited.
+    rounds: AtomicU32,
+}
+
+struct Activities(Arc<Activity>);
+
+impl Observer for Activities {
+    fn taken(&self, _: &Inbound, _: bool) {}
+
+    fn empty(&self) {
+        self.0.rounds.fetch_add(1, Ordering::SeqCst);
+    }
+
+    fn making(&self, is: bool) {
+        self.0.is_rendering.store(is, Ordering::SeqCst);
+    }
 }
 
 impl Running {
@@ -108,16 +139,19 @@ impl Running {
         personality: &'static Personality,
         mut config: Config,
         clock: Clock,
-        links: Vec<(Wire, Roles)>,
+        mut links: Vec<(Wire, Roles)>,
         prepare: impl FnOnce(&mut Server) + Send + 'static,
     ) -> Running {
+        let activity = Arc::new(Activity::default());
+        let observer = Box::new(Activities(activity.clone()));
+        links[0].0.inbox.observe(observer);
         let stop = Arc::new(AtomicBool::new(false));
         let (to_test, shots) = channel();
         let (ready, is_ready) = channel();
         let stopped = stop.clone();
         let thread = std::thread::spawn(move || {
             let output = config.run.output;
-            let emulator = Emulator::new(&mut config);
+            let emulator = emulator(&mut config);
             let mut server = Server::new(emulator, links, output, clock, personality);
             server.set_run(&config.run);
             prepare(&mut server);
@@ -137,7 +171,23 @@ impl Running {
             shots,
             stop,
             thread: Some(thread),
+            activity,
         }
+    }
+
+    /// Whether a frame is being rendered.
+    pub fn is_rendering(&self) -> bool {
+        self.activity.is_rendering.load(Ordering::SeqCst)
+    }
+
+    /// Waits until the server has done all that is due now: it has completed a round.
+    pub fn await_round(&self) {
+        let rounds = || self.activity.rounds.load(Ordering::SeqCst);
+        let first = rounds();
+        await_that("a round of the server", || {
+            std::thread::sleep(Duration::from_millis(1));
+            rounds().wrapping_sub(first) >= 2
+        });
     }
 
     /// Ends the run as `skyloop run` does and returns its counters.
@@ -209,11 +259,14 @@ pub fn options(idle_s: f64) -> link::Options {
     }
 }
 
-/// An emulator on each of the links with a client's end, by name.
-pub fn on_every_link(clock: Clock) -> Vec<(&'static str, Running, Box<dyn Line>)> {
-    let (udp, line) = on_udp(scene(), clock, 5.0);
-    let (memory, memory_line) = on_memory(scene(), clock);
-    let (serial, serial_line) = on_serial(scene(), clock);
+/// An emulator of `config` on each of the links with a client's end, by name.
+pub fn on_every_link(
+    config: fn() -> Config,
+    clock: Clock,
+) -> Vec<(&'static str, Running, Box<dyn Line>)> {
+    let (udp, line) = on_udp(config(), clock, 5.0);
+    let (memory, memory_line) = on_memory(config(), clock);
+    let (serial, serial_line) = on_serial(config(), clock);
     vec![
         ("udp", udp, Box::new(line)),
         ("memory", memory, Box::new(memory_line)),

@@ -7,7 +7,7 @@ use skyloop_protocols::Command;
 
 #[test]
 fn repeated_attitudes_give_equal_frames() {
-    for (link, _emulator, line) in on_every_link(Clock::Stepped) {
+    for (link, _emulator, line) in on_every_link(scene, Clock::Stepped) {
         let mut client = Client::new(line);
         let (first, second) = (client.good_frame(7), client.good_frame(7));
         assert_eq!((first.header.frame, second.header.frame), (0, 1), "{link}");
@@ -24,7 +24,7 @@ fn repeated_attitudes_give_equal_frames() {
 
 #[test]
 fn received_labels_equal_the_json_of_the_frame() {
-    for (link, emulator, line) in on_every_link(Clock::Stepped) {
+    for (link, emulator, line) in on_every_link(scene, Clock::Stepped) {
         let mut client = Client::new(line);
         let frame = client.good_frame(1);
         let exposed = emulator.exposed();
@@ -58,7 +58,7 @@ fn frames_use_the_settings_at_their_attitude() {
 
 #[test]
 fn commands_change_header_labels_and_pixels_until_a_reset() {
-    for (link, _emulator, line) in on_every_link(Clock::Stepped) {
+    for (link, _emulator, line) in on_every_link(scene, Clock::Stepped) {
         let mut client = Client::new(line);
         let plain = client.good_frame(3);
         client.done(Command::Exposure { seconds: 0.4 });
