@@ -147,7 +147,9 @@ impl<L: Line> Client<L> {
 
     /// Whether no unexpected packet has arrived.
     pub fn has_nothing_left(&mut self) -> bool {
-        self.early.is_empty() && self.recv(Duration::from_millis(5)).is_none()
+        let packet = self.recv(Duration::from_millis(5));
+        self.early.extend(packet);
+        self.early.is_empty()
     }
 
     /// Drops the stored packets.
@@ -155,10 +157,10 @@ impl<L: Line> Client<L> {
         self.early.clear();
     }
 
-    /// Drops all packets in flight and starts as in a new exchange.
+    /// Drops all packets in flight and starts as in a new exchange. No frames may come.
     pub fn start_anew(&mut self) {
         self.window = None;
-        while self.recv(Duration::from_millis(50)).is_some() {}
+        self.refusals();
         (self.window, self.granted, self.taken) = (Some(32), false, 0);
         self.early.clear();
     }

@@ -13,7 +13,7 @@ const LENGTH: Duration = Duration::from_secs(3);
 
 #[test]
 fn busy_machines_may_miss_but_never_shift_exposures() {
-    let (_emulator, mut client) = memory_client(quick(RATE_HZ), Clock::Wall);
+    let (emulator, mut client) = memory_client(quick(RATE_HZ), Clock::Wall);
     // Scene time begins at the first attitude, between these two instants.
     let before = Instant::now();
     client.point(attitude(1), EPOCH);
@@ -35,7 +35,7 @@ fn busy_machines_may_miss_but_never_shift_exposures() {
     });
     client.done(Command::FrameRate { hz: 1e-3 });
     let due = before.elapsed().as_secs_f64() * RATE_HZ;
-    frames.extend(rest(&mut client));
+    frames.extend(rest(&emulator, &mut client));
     let counters = client.counters();
 
     // X-Val: ICD, section 5.5: the first exposure ends one period after the attitude.

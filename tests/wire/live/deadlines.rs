@@ -19,7 +19,7 @@ fn run(clock: Clock, latency_s: f64) -> (Running, Client<MemoryLine>, Vec<Receiv
     client.status();
     client.point(attitude(1), EPOCH);
     let mut frames: Vec<Received> = (0..6).map(|_| client.frame()).collect();
-    frames.extend(rest(&mut client));
+    frames.extend(rest(&emulator, &mut client));
     (emulator, client, frames)
 }
 
@@ -179,7 +179,7 @@ fn blocked_listeners_do_not_change_the_statistics_of_other_links() {
     let status = client.status();
     assert!(status.timing.spare_s > 0.0 && status.latency_p99_s > 0.0);
     assert_eq!(status.counters.deadlines_missed, 0);
-    rest(&mut client);
+    rest(&emulator, &mut client);
     let (stats, counters) = emulator.measured();
     // Except frames dropped for a blocked client.
     let own = stats.latencies;
@@ -214,7 +214,7 @@ fn slow_lines_mark_late_frames_and_may_drop_them() {
         let mut frames: Vec<_> = (0..3).map(|_| client.frame()).collect();
         let status = client.status();
         // A frame cut off by the end misses its deadline, so the line must be empty.
-        frames.extend(rest(&mut client));
+        frames.extend(rest(&emulator, &mut client));
         (frames, status, emulator.measured())
     };
     for policy in [OnOverrun::Late, OnOverrun::Drop] {

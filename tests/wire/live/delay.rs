@@ -59,7 +59,7 @@ fn no_frame_precedes_its_delay_and_order_is_preserved() {
             }
             has_punctual
         });
-        frames.extend(rest(&mut client));
+        frames.extend(rest(&emulator, &mut client));
         let counters = emulator.end();
         assert_in_order(&frames, counters.frames_dropped);
         for frame in &frames {
@@ -79,7 +79,7 @@ fn jitter_differs_for_each_frame_within_its_bounds() {
     let (emulator, mut client) = delayed(RATE_HZ, delay.delay_s, delay.jitter_s);
     client.point(attitude(1), EPOCH);
     let mut frames: Vec<Received> = (0..8).map(|_| client.frame()).collect();
-    frames.extend(rest(&mut client));
+    frames.extend(rest(&emulator, &mut client));
     assert_in_order(&frames, emulator.end().frames_dropped);
     let mut delays = BTreeSet::new();
     for frame in &frames {
@@ -106,28 +106,26 @@ fn stepped_frames_have_no_delay() {
 
 #[test]
 fn delayed_frames_are_buffered_at_any_commanded_rate() {
-    // X-Val: 0.25 s at 4 Hz is one frame, at 40 Hz ten of them.
-    let (emulator, mut client) = delayed(4.0, 0.25, 0.0);
+    // X-Val: 2 s at 0.5 Hz are one frame, at 5 Hz ten of them.
+    let (emulator, mut client) = delayed(0.5, 2.0, 0.0);
     client.point(attitude(1), EPOCH);
-    client.frame();
-    // X-Val: 80 Hz need 20 frames, above the limit of 16.
-    client.send(Command::FrameRate { hz: 80.0 });
+    // X-Val: 10 Hz need 20 frames, above the limit of 16.
+    client.send(Command::FrameRate { hz: 10.0 });
     client.refused(
         Reason::ValueOutOfRange,
         &["run.delay_s", "20 frames: at most 16"],
     );
-    client.done(Command::FrameRate { hz: 40.0 });
-    for _ in 0..30 {
-        client.frame();
-    }
-    rest(&mut client);
-    let counters = client.counters();
-    // X-Val: with a buffer of three frames instead of ten, seven of ten would be lost.
-    assert!(
-        counters.frames_dropped < counters.frames_rendered / 2,
-        "{counters:?}"
-    );
-    assert_eq!(emulator.end().frames_abandoned, counters.frames_dropped);
+    client.done(Command::FrameRate { hz: 5.0 });
+    // X-Val: a buffer for one frame holds three at most: one that is sent, one that waits.
+    await_that("seven frames wait at once", || {
+        std::thread::sleep(Duration::from_millis(10));
+        let counters = client.counters();
+        let over = counters.frames_delivered + counters.frames_abandoned;
+        counters.frames_rendered - over >= 7
+    });
+    rest(&emulator, &mut client);
+    let counters = emulator.end();
+    assert_eq!(counters.frames_abandoned, counters.frames_dropped);
 }
 
 #[test]
@@ -163,9 +161,10 @@ fn delays_beyond_the_deadline_cause_late_or_dropped_frames_but_no_coarser_ones()
     use skyloop::config::OnOverrun;
     use skyloop::fidelity::{Coarser, Fidelity};
     let run = |policy| {
-        let mut config = quick(RATE_HZ);
-        config.run.delay.delay_s = 0.12;
-        config.run.latency_s = Some(0.11);
+        // Much longer than a pause of the machine.
+        let mut config = quick(5.0);
+        config.run.delay.delay_s = 2.0;
+        config.run.latency_s = Some(1.9);
         config.run.on_overrun = policy;
         config.run.coarsen = vec![Coarser::Preset("fast", Fidelity::FAST)];
         let (emulator, mut client) = memory_client(config, Clock::Wall);
@@ -189,12 +188,8 @@ fn delays_beyond_the_deadline_cause_late_or_dropped_frames_but_no_coarser_ones()
     await_that("exposures without a frame", || {
         client.counters().exposures_missed >= 3
     });
-    // X-Val: docs/how-to/accuracy-and-time.md: after four dropped exposures one is tried.
-    let counters = emulator.end();
-    assert!(
-        counters.frames_rendered <= counters.exposures_missed / 4,
-        "{counters:?}"
-    );
+    // None is tried: another fidelity does not shorten the delay.
+    assert_eq!(emulator.end().frames_rendered, 0);
 }
 
 /// Frames abandoned by a Reset miss no deadline.

@@ -32,7 +32,7 @@ fn metrics_of_an_idle_run_agree_with_its_status() {
     client.point(bad_attitude(2), EPOCH);
     client.refused(Reason::QuaternionNotUnit, &[]);
     let mut frames: Vec<_> = (0..6).map(|_| client.frame()).collect();
-    frames.extend(rest(&mut client));
+    frames.extend(rest(&emulator, &mut client));
     let status = client.status();
     let all = frames.len() as f64;
     // Metrics are updated ten times a second.

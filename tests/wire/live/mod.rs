@@ -18,7 +18,9 @@ mod wall_clock;
 
 use crate::support::client::{Client, Received};
 use crate::support::line::Line;
-use crate::support::{EPOCH, EXPOSURE_S, Q, TIMEOUT, attitude, await_that, later, quick, seconds};
+use crate::support::{
+    EPOCH, EXPOSURE_S, Q, Running, TIMEOUT, attitude, await_that, later, quick, seconds,
+};
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 use skyloop_firmware_sim::mission::{Mission, Pace};
 use skyloop_firmware_sim::profile::Profile;
@@ -64,18 +66,23 @@ fn trigger<L: Line>(client: &mut Client<L>, number: u32, start_s: f64) {
 }
 
 /// Sets a very low frame rate, and returns the frames still in flight.
-fn rest<L: Line>(client: &mut Client<L>) -> Vec<Received> {
+fn rest<L: Line>(emulator: &Running, client: &mut Client<L>) -> Vec<Received> {
     client.done(Command::FrameRate { hz: 1e-3 });
-    // A frame may be in rendering without any report: the counters must rest for three checks.
-    let (mut checks, mut before) = (0, None);
+    in_flight(emulator, client)
+}
+
+/// Receives the frames that are being rendered or sent. No further exposure may end meanwhile.
+fn in_flight<L: Line>(emulator: &Running, client: &mut Client<L>) -> Vec<Received> {
+    let mut before = None;
     await_that("no frame is in flight", || {
-        std::thread::sleep(Duration::from_millis(60));
+        emulator.await_round();
+        let is_rendering = emulator.is_rendering();
         let counters = client.counters();
         let over = counters.frames_delivered + counters.frames_abandoned;
+        // A frame that was completed after the first check changes the second one.
         let is_still = over == counters.frames_rendered && before == Some(over);
-        checks = if is_still { checks + 1 } else { 0 };
         before = Some(over);
-        checks == 3
+        is_still && !is_rendering
     });
     let mut frames = Vec::new();
     while !client.has_nothing_left() {

@@ -1,6 +1,6 @@
 //! Pause and Resume: no clock exposes during a pause, and time continues afterwards.
 
-use super::{mid_s, quick, seconds, trigger, whole_periods};
+use super::{in_flight, mid_s, quick, seconds, trigger, whole_periods};
 use crate::support::client::{Client, Received};
 use crate::support::line::{Line, MemoryLine};
 use crate::support::{
@@ -33,27 +33,10 @@ fn periods(from: WireTime, frame: &Received) -> f64 {
 }
 
 /// Pauses and receives the frames in flight. Returns them with the status of the pause.
-fn paused<L: Line>(client: &mut Client<L>) -> (Vec<Received>, Status) {
+fn paused<L: Line>(emulator: &Running, client: &mut Client<L>) -> (Vec<Received>, Status) {
     client.done(Command::Pause);
-    let is_over = |status: &Status| {
-        let counters = status.counters;
-        counters.frames_delivered + counters.frames_abandoned == counters.frames_rendered
-    };
-    // A frame may be in rendering without any report: the counters must rest for a while.
-    let mut before = client.status();
-    await_that("no frame is in flight", || {
-        std::thread::sleep(PAUSE_TIME);
-        let now = client.status();
-        let is_still =
-            is_over(&now) && now.counters.frames_rendered == before.counters.frames_rendered;
-        before = now;
-        is_still
-    });
-    let mut frames = Vec::new();
-    while !client.has_nothing_left() {
-        frames.push(client.frame());
-    }
-    (frames, before)
+    let frames = in_flight(emulator, client);
+    (frames, client.status())
 }
 
 /// Requires that no frame has been rendered or missed between two states.
@@ -68,9 +51,9 @@ fn assert_unchanged(before: &Status, after: &Status) {
 
 #[test]
 fn wall_clock_exposures_and_time_stop_during_a_pause() {
-    let (_emulator, mut client) = started(Clock::Wall);
+    let (emulator, mut client) = started(Clock::Wall);
     let mut frames = vec![client.frame()];
-    let (more, before) = paused(&mut client);
+    let (more, before) = paused(&emulator, &mut client);
     frames.extend(more);
     assert_eq!(before.sync, SyncState::Paused);
     // A second Pause changes nothing; a rate applies later; a single shot is refused.
@@ -104,9 +87,9 @@ fn wall_clock_exposures_and_time_stop_during_a_pause() {
 
 #[test]
 fn attitudes_during_a_pause_set_the_time() {
-    let (_emulator, mut client) = started(Clock::Wall);
+    let (emulator, mut client) = started(Clock::Wall);
     client.frame();
-    paused(&mut client);
+    paused(&emulator, &mut client);
     let to = later(EPOCH, 300.0);
     client.point(attitude(2), to);
     std::thread::sleep(PAUSE_TIME);
@@ -184,9 +167,9 @@ fn pauses_are_refused_during_a_single_shot() {
 
 #[test]
 fn external_clock_pauses_may_have_any_length() {
-    let (_emulator, mut client) = started(Clock::External);
+    let (emulator, mut client) = started(Clock::External);
     client.frame();
-    let (_, before) = paused(&mut client);
+    let (_, before) = paused(&emulator, &mut client);
     // Neither a stopped client clock nor a step of an hour counts as a jump.
     for (sequence, s) in [(2, 0.05), (3, 0.05), (4, 3600.0)] {
         client.point(attitude(sequence), later(EPOCH, s));
@@ -206,9 +189,9 @@ fn external_clock_pauses_may_have_any_length() {
 #[test]
 fn clocks_set_back_during_a_pause_are_followed() {
     for clock in [Clock::Wall, Clock::External] {
-        let (_emulator, mut client) = started(clock);
+        let (emulator, mut client) = started(clock);
         client.frame();
-        paused(&mut client);
+        paused(&emulator, &mut client);
         // An earlier time during the pause, and one after it.
         let back = later(EPOCH, -300.0);
         client.point(attitude(2), later(back, 10.0));

@@ -197,7 +197,7 @@ fn frames_after_the_last_attitude_are_flagged() {
         frames.push(client.frame());
         frames.iter().filter(|frame| is_held(frame)).count() == 3
     });
-    frames.extend(rest(&mut client));
+    frames.extend(rest(&emulator, &mut client));
     for frame in &frames {
         let mid_s = mid_s(frame);
         assert_eq!(is_held(frame), mid_s > 0.2, "{mid_s}");
