@@ -2,12 +2,13 @@
 
 use crate::support::client::{Client, Received};
 use crate::support::line::MemoryLine;
-use crate::support::{EPOCH, attitude, await_that, later, options, quick, seconds, system_time};
+use crate::support::{
+    EPOCH, attitude, await_that, emulator, later, options, quick, seconds, system_time,
+};
 use crate::table::rows;
 use nalgebra::Vector3;
 use skyloop::attitude::Attitude;
 use skyloop::config::{Clock, Config};
-use skyloop::engine::Emulator;
 use skyloop::link::{self, Roles};
 use skyloop::load::Folder;
 use skyloop::serve::{Ended, Server};
@@ -32,7 +33,7 @@ fn run_two(
     camera.mounting = Attitude::from_xyzw([0.0, 0.0, half, half]).unwrap();
     let (wire, port) = link::loopback("memory", &options(60.0)).unwrap();
     let (own, second_port) = link::loopback("memory", &options(60.0)).unwrap();
-    let emulator = Emulator::new(&mut config);
+    let emulator = emulator(&mut config);
     let further = emulator.further_camera(&camera, 1);
     let links = [(wire, Roles::ALL)];
     let mut server = Server::new(emulator, links, config.run.output, clock, &NATIVE);
@@ -85,7 +86,11 @@ fn each_camera_renders_each_attitude() {
 #[test]
 fn wall_clock_cameras_of_one_rate_expose_simultaneously() {
     let [first, second] = run_two(Clock::Wall, |mut first, mut second| {
-        second.status();
+        // Each may wait for the other's frame.
+        for client in [&mut first, &mut second] {
+            client.window = None;
+            client.status();
+        }
         // The client uses system time, which each camera reads itself.
         first.point(attitude(1), system_time());
         let [mut a, mut b] = [Vec::new(), Vec::new()];

@@ -2,9 +2,10 @@
 
 use crate::support::client::packet;
 use crate::support::line::{Line, UdpLine, is_challenge};
-use crate::support::{EPOCH, Running, TIMEOUT, attitude, fault, later, options, scene};
+use crate::support::{
+    EPOCH, Running, TIMEOUT, attitude, await_that, emulator, fault, later, options, scene,
+};
 use skyloop::config::{Clock, Config};
-use skyloop::engine::Emulator;
 use skyloop::link::capture::replay::{Progress, Replay, Same, load};
 use skyloop::link::capture::{Capture, Origin};
 use skyloop::link::fault::{FaultLog, Plan, wrap};
@@ -12,11 +13,13 @@ use skyloop::link::{self, Wire};
 use skyloop::serve::Server;
 use skyloop_protocols::personality::NATIVE;
 use skyloop_protocols::sequence::SequenceCounts;
-use skyloop_protocols::{Command, Counters, Direction, FaultKind, MAX_PACKET, Reason, Reply};
+use skyloop_protocols::{
+    Command, Counters, Direction, FaultKind, MAX_PACKET, Reason, Reply, Status,
+};
 use std::collections::BTreeSet;
 use std::path::Path;
 use std::sync::{Arc, Mutex};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 const BAD_LINE: &str = r#"
 seed = 11
@@ -109,7 +112,17 @@ fn record(file: &Path) -> (Counters, u64) {
             }
         }
     }
-    while line.recv(Duration::from_millis(500)).is_some() {}
+    await_that("all attitudes have their frames", || {
+        send(&mut line, Command::Ping, later(EPOCH, 10.0));
+        let mut are_over = false;
+        while let Some(packet) = line.recv(Duration::from_millis(100)) {
+            if let Ok((_, Reply::Status(Status { counters, .. }))) = Reply::decode(&packet) {
+                let over = counters.frames_delivered + counters.frames_abandoned;
+                are_over = over == counters.attitudes;
+            }
+        }
+        are_over
+    });
     let counters = emulator.end();
     assert!(delivered > 0);
     let written = capture.finish().unwrap();
@@ -122,14 +135,13 @@ fn record(file: &Path) -> (Counters, u64) {
 pub fn replay(file: &Path, mut config: Config) -> Progress {
     let (links, replay) = Replay::of(load(file, &NATIVE).unwrap(), &NATIVE);
     let output = config.run.output;
-    let emulator = Emulator::new(&mut config);
+    let emulator = emulator(&mut config);
     let mut server = Server::new(emulator, links, output, Clock::Stepped, &NATIVE);
-    let started = Instant::now();
     std::thread::scope(|scope| {
         let serving = scope.spawn(|| server.run(replay.over(), None, |_| {}));
         while !serving.is_finished() {
             std::thread::sleep(Duration::from_millis(1));
-            if started.elapsed() > TIMEOUT {
+            if replay.still() > TIMEOUT {
                 replay.give_up();
             }
         }
