@@ -1,6 +1,8 @@
 //! The contents of a frame by brute force, from its label and the camera's constants alone. Nothing
 //! here calls the renderer's projection, point spread function, tracks or footprints.
 
+use std::f64::consts::SQRT_2;
+use std::ops::Range;
 use std::str::FromStr;
 
 use hifitime::Epoch;
@@ -129,16 +131,32 @@ pub fn matrix([x, y, z, w]: [f64; 4]) -> Matrix3<f64> {
     )
 }
 
-/// ICRF to camera, `t` seconds after mid-exposure, as in the label: `M exp(-[w x] t) R(q)`.
-pub fn pointing(label: &Label, t: f64) -> Matrix3<f64> {
-    let w = Vector3::from(label.rates_rad_s);
-    let angle = w.norm() * t;
-    let turn = w.try_normalize(0.0).map_or(Matrix3::identity(), |axis| {
-        // Rodrigues' formula.
-        let k = axis.cross_matrix();
-        Matrix3::identity() - k * angle.sin() + k * k * (1.0 - angle.cos())
-    });
-    matrix(label.q_body_to_camera) * turn * matrix(label.q_icrf_to_body)
+// Plain numbers: unoptimised code is slow with generic vectors.
+fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    [
+        a[1] * b[2] - a[2] * b[1],
+        a[2] * b[0] - a[0] * b[2],
+        a[0] * b[1] - a[1] * b[0],
+    ]
+}
+
+/// `R(q) v = v + 2 w (u x v) + 2 u x (u x v)` with `q = (u, w)`.
+fn rotated([x, y, z, w]: [f64; 4], v: [f64; 3]) -> [f64; 3] {
+    let across = cross([x, y, z], v);
+    let again = cross([x, y, z], across);
+    [0, 1, 2].map(|k| v[k] + 2.0 * (w * across[k] + again[k]))
+}
+
+/// An ICRF direction in the camera, `t` seconds after mid-exposure, as in the label:
+/// `M exp(-[w x] t) R(q)`.
+pub fn in_camera(label: &Label, direction: [f64; 3], t: f64) -> [f64; 3] {
+    let rates = label.rates_rad_s;
+    let rate = rates[0].hypot(rates[1]).hypot(rates[2]);
+    let axis = rates.map(|part| if rate > 0.0 { part / rate } else { 0.0 });
+    let (sin, cos) = (-rate * t / 2.0).sin_cos();
+    let turn = [axis[0] * sin, axis[1] * sin, axis[2] * sin, cos];
+    let body = rotated(turn, rotated(label.q_icrf_to_body, direction));
+    rotated(label.q_body_to_camera, body)
 }
 
 /// Unit vector of the label's apparent right ascension and declination.
@@ -169,10 +187,10 @@ fn direction(label: &Label, object: &ObjectLabel, t: f64) -> Vector3<f64> {
 
 /// The position of its image `t` seconds after mid-exposure, px.
 pub fn pixel(label: &Label, object: &ObjectLabel, camera: &Camera, t: f64) -> [f64; 2] {
-    let seen = pointing(label, t) * direction(label, object, t);
+    let [x, y, z] = in_camera(label, direction(label, object, t).into(), t);
     let [cx, cy] = camera.optics.principal_px;
     let f = camera.optics.focal_px;
-    [cx + f * seen.x / seen.z, cy + f * seen.y / seen.z]
+    [cx + f * x / z, cy + f * y / z]
 }
 
 /// The image's position at 65 instants of the exposure, and the maximum distance (px) between
@@ -283,12 +301,13 @@ pub fn stamp(label: &Label, object: &ObjectLabel, camera: &Camera) -> (Box2, Vec
     // A tenth of a pixel a step where it is fastest: an error of some 2e-6 of the peak.
     let (_, gap) = track(label, object, camera);
     let steps = 2 * ((5.0 * 64.0 * gap).ceil() as usize).max(2);
+    let sigma = camera.optics.psf.core_px();
+    // No light beyond 7 sigma and half a pixel.
+    let pad = 7.0 * sigma + 0.5;
     for i in 0..=steps {
         let t = (i as f64 / steps as f64 - 0.5) * label.exposure_s;
         let at = pixel(label, object, camera, t);
         let weight = simpson(i, steps) / steps as f64 * object.electrons;
-        // No light beyond 7 sigma and half a pixel.
-        let pad = 7.0 * camera.optics.psf.core_px() + 0.5;
         let near = Box2 {
             low: [0, 1].map(|k| ((at[k] - pad) as i64).max(region.low[k])),
             past: [0, 1].map(|k| ((at[k] + pad) as i64 + 1).min(region.past[k])),
@@ -296,11 +315,7 @@ pub fn stamp(label: &Label, object: &ObjectLabel, camera: &Camera) -> (Box2, Vec
         if (0..2).any(|k| near.low[k] >= near.past[k]) {
             continue;
         }
-        let [across, down] = [0, 1].map(|k| {
-            (near.low[k]..near.past[k])
-                .map(|pixel| share(pixel as f64 - at[k], camera.optics.psf.core_px()))
-                .collect::<Vec<f64>>()
-        });
+        let [across, down] = [0, 1].map(|k| shares(near.low[k]..near.past[k], at[k], sigma));
         for (row, down) in (near.low[1] - region.low[1]..).zip(&down) {
             let from = row as usize * columns + (near.low[0] - region.low[0]) as usize;
             for (e, across) in e[from..].iter_mut().zip(&across) {
@@ -326,15 +341,15 @@ pub fn image(label: &Label, camera: &Camera) -> Image {
     Image { width, height, e }
 }
 
-/// A normal density of width `sigma` around 0, integrated over the pixel whose centre is at `x`.
-pub fn share(x: f64, sigma: f64) -> f64 {
-    const STEPS: usize = 12;
-    let peak = 1.0 / (sigma * std::f64::consts::TAU.sqrt());
-    let node = |i: usize| {
-        let at = (x - 0.5 + i as f64 / STEPS as f64) / sigma;
-        simpson(i, STEPS) / STEPS as f64 * peak * (-0.5 * at * at).exp()
-    };
-    (0..=STEPS).map(node).sum()
+/// A normal density of width `sigma` around `at`, integrated over each of these pixels:
+/// `(erf((x + 1/2 - at) / (sqrt(2) sigma)) - erf((x - 1/2 - at) / (sqrt(2) sigma))) / 2`.
+pub fn shares(pixels: Range<i64>, at: f64, sigma: f64) -> Vec<f64> {
+    let edge = |pixel: i64| libm::erf((pixel as f64 - 0.5 - at) / (SQRT_2 * sigma));
+    let edges: Vec<f64> = (pixels.start..=pixels.end).map(edge).collect();
+    edges
+        .windows(2)
+        .map(|two| (two[1] - two[0]) / 2.0)
+        .collect()
 }
 
 /// Weight of node `i` of `n` (even) steps in Simpson's rule, for a step of 1.

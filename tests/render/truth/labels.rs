@@ -14,7 +14,7 @@ use skyloop::label::ObjectLabel;
 use skyloop::sky::bodies::Bodies;
 use skyloop::sky::catalog::Selection;
 
-use super::brute::{apparent, builtin, emulator, epoch, expose, matrix, pointing, stamp, turning};
+use super::brute::{apparent, builtin, emulator, epoch, expose, in_camera, matrix, stamp, turning};
 
 // The contract: the names in docs/explanation/labels.md.
 const FRAME_KEYS: &str = "frame seed camera columns rows epoch_start epoch_mid epoch_end exposure_s fidelity q_icrf_to_body q_body_to_camera \
@@ -37,7 +37,9 @@ fn check(exposed: &ExposedFrame) {
     for (i, row) in label.r_icrf_to_camera.iter().enumerate() {
         assert!((turned.row(i).transpose() - Vector3::from(*row)).norm() < 1e-14);
     }
-    assert!((turned - pointing(label, 0.0)).norm() < 1e-14);
+    for axis in [Vector3::x(), Vector3::y(), Vector3::z()] {
+        assert!((turned * axis - Vector3::from(in_camera(label, axis.into(), 0.0))).norm() < 1e-14);
+    }
     // The inverse of `--radec`.
     let angles = [label.ra_deg, label.dec_deg, label.roll_deg].map(f64::to_radians);
     let [ra, dec, roll] = angles;

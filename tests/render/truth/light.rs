@@ -11,7 +11,7 @@ use skyloop::flight;
 use skyloop::sky::catalog::{Catalog, Selection};
 
 use super::brute::{
-    Box2, Image, builtin, emulator, epoch, expose, falling, image, look_at, oem, orbit, pointing,
+    Box2, Image, builtin, emulator, epoch, expose, falling, image, in_camera, look_at, oem, orbit,
     unit,
 };
 
@@ -49,9 +49,10 @@ impl Tally {
         let boxes = objects().map(|o| Box2::of(&exposed.label, o, &exposed.camera));
         let boxes: Vec<Box2> = boxes.collect();
         for (i, (object, region)) in objects().zip(&boxes).enumerate() {
-            let alone = (0..boxes.len()).all(|j| j == i || !region.meets(&boxes[j]));
             // Below a hundredth of an electron the background's last digit (float32) counts.
-            if !alone || object.electrons < 0.01 {
+            let bright = object.electrons >= 0.01;
+            let others = || boxes.iter().enumerate().filter(|(j, _)| *j != i);
+            if !bright || others().any(|(_, other)| region.meets(other)) {
                 continue;
             }
             let (light, centre) = seen.moments(region);
@@ -139,20 +140,19 @@ fn no_star_is_missing() {
         let label = &exposed.label;
         let listed: HashSet<&str> = label.objects.iter().map(|o| o.id.as_str()).collect();
         let optics = &exposed.camera.optics;
-        let matrices: Vec<_> = (0..=40)
-            .map(|i| pointing(label, (f64::from(i) / 40.0 - 0.5) * label.exposure_s))
-            .collect();
+        let instants = (0..=40).map(|i| (f64::from(i) / 40.0 - 0.5) * label.exposure_s);
+        let instants: Vec<f64> = instants.collect();
         let mut crossing = 0;
         for star in catalog.stars() {
-            let direction = unit(star.ra_rad, star.dec_rad);
-            let inside = matrices.iter().any(|matrix| {
-                let seen = matrix * direction;
+            let direction = unit(star.ra_rad, star.dec_rad).into();
+            let inside = instants.iter().any(|t| {
+                let seen = in_camera(label, direction, *t);
                 // One pixel (6 arcmin) of margin: proper motion and aberration are left out here.
                 let on = |k: usize| {
-                    let x = optics.principal_px[k] + optics.focal_px * seen[k] / seen.z;
+                    let x = optics.principal_px[k] + optics.focal_px * seen[k] / seen[2];
                     (0.5..254.5).contains(&x)
                 };
-                seen.z > 0.0 && on(0) && on(1)
+                seen[2] > 0.0 && on(0) && on(1)
             });
             if inside {
                 crossing += 1;

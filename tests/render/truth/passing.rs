@@ -5,7 +5,7 @@ use skyloop::camera::{Camera, Model, Projection, Vignetting};
 use skyloop::engine::ExposedFrame;
 use skyloop::label::{Label, ObjectLabel};
 
-use super::brute::{Image, arriving_e, changed_fai, pixel, share, simpson, turning};
+use super::brute::{Image, arriving_e, changed_fai, pixel, shares, simpson, turning};
 
 /// X-Val: a barrel of 3 % in the corners of 27 degrees, radial and tangential.
 const K: [f64; 3] = [-0.3, 0.05, 0.0];
@@ -47,11 +47,10 @@ fn compare(exposed: &ExposedFrame) -> [f64; 3] {
             let range = |at: f64, size: i64| {
                 ((at - pad) as i64).clamp(0, size)..((at + pad) as i64 + 1).clamp(0, size)
             };
-            let across: Vec<f64> = range(at[0], width)
-                .map(|c| share(c as f64 - at[0], sigma))
-                .collect();
-            for row in range(at[1], height) {
-                let down = arriving * weight * share(row as f64 - at[1], sigma);
+            let [across, down] =
+                [0, 1].map(|k| shares(range(at[k], [width, height][k]), at[k], sigma));
+            for (row, down) in range(at[1], height).zip(down) {
+                let down = arriving * weight * down;
                 let from = row * width + range(at[0], width).start;
                 let line = &mut truth[from as usize..];
                 for (e, across) in line.iter_mut().zip(&across) {

@@ -4,7 +4,7 @@ use skyloop::camera::{Camera, Shutter};
 use skyloop::engine::ExposedFrame;
 use skyloop::label::{Label, ObjectLabel};
 
-use super::brute::{Image, arriving_e, changed_fai, pixel, share, simpson, turning};
+use super::brute::{Image, arriving_e, changed_fai, pixel, shares, simpson, turning};
 
 /// Light that the rows collect from an object of unit light: on the detector's pixels, and its sum
 /// and centre (px) over all rows. Rows beyond the detector are exposed with the row at its edge.
@@ -33,6 +33,12 @@ fn collected(
         let mid = ((row as f64).clamp(0.0, last) - last / 2.0) * row_s;
         let ends = [-half, half].map(|t| pixel(label, object, camera, mid + t));
         let length = (ends[1][0] - ends[0][0]).hypot(ends[1][1] - ends[0][1]);
+        if ends
+            .iter()
+            .all(|end| (end[1] - row as f64).abs() > pad + length)
+        {
+            continue;
+        }
         let steps = 2 * ((5.0 * length).ceil() as usize).max(4);
         for i in 0..=steps {
             let t = mid + (2.0 * i as f64 / steps as f64 - 1.0) * half;
@@ -40,7 +46,7 @@ fn collected(
             if (y - row as f64).abs() > pad {
                 continue;
             }
-            let weight = simpson(i, steps) / steps as f64 * share(row as f64 - y, sigma);
+            let weight = simpson(i, steps) / steps as f64 * shares(row..row + 1, y, sigma)[0];
             light += weight;
             moments[0] += weight * x;
             moments[1] += weight * row as f64;
@@ -49,9 +55,8 @@ fn collected(
             }
             let from = ((x - pad) as i64).clamp(0, width);
             let past = ((x + pad) as i64 + 1).clamp(0, width);
-            for column in from..past {
-                let e = weight * share(column as f64 - x, sigma);
-                image[(row * width + column) as usize] += e;
+            for (column, share) in (from..past).zip(shares(from..past, x, sigma)) {
+                image[(row * width + column) as usize] += weight * share;
             }
         }
     }
