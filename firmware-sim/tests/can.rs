@@ -25,6 +25,8 @@ struct State {
     refused: usize,
     /// Number of refusals of a second handle still to come.
     no_handle: usize,
+    /// Frames that answer the next sent frame at once, while the thread of its sender is paused.
+    answers: Vec<CanFrame>,
 }
 
 #[derive(Clone)]
@@ -67,7 +69,8 @@ impl Memory {
 impl CanBus for Memory {
     fn send(&mut self, frame: &CanFrame) -> io::Result<Sending> {
         let end = self.end;
-        self.set(|state| {
+        let mut is_answered = false;
+        let sent = self.set(|state| {
             if state.down {
                 return Err(ErrorKind::NetworkDown.into());
             }
@@ -77,8 +80,16 @@ impl CanBus for Memory {
             }
             state.room = state.room.map(|room| room - 1);
             state.queues[1 - end].push_back(*frame);
+            is_answered = !state.answers.is_empty();
+            let answers = std::mem::take(&mut state.answers);
+            state.queues[end].extend(answers);
             Ok(Sending::Sent)
-        })
+        });
+        if is_answered {
+            // Longer than N_Cr, 1 s.
+            std::thread::sleep(Duration::from_millis(1500));
+        }
+        sent
     }
 
     fn recv(&mut self, timeout: Duration) -> io::Result<Option<CanFrame>> {
@@ -427,5 +438,24 @@ fn bus_errors_are_noted_and_truncated_messages_counted() {
     let first = CanFrame::new(0x120, false, &[0x10, 20, 1, 2, 3, 4, 5, 6]).unwrap();
     rig.bus.set(|state| state.queues[0].push_back(first));
     rig.note(|note| matches!(note, Note::Incomplete(1)));
+    rig.close();
+}
+
+#[test]
+fn frames_that_arrive_in_time_during_a_pause_are_in_time() {
+    let rig = Rig::new("bitrate=1000000");
+    let frame = |data: &[u8]| CanFrame::new(0x120, false, data).unwrap();
+    // X-Val: ISO 15765-2, 9.6: a first frame of 20 bytes, and two consecutive frames.
+    let first = frame(&[0x10, 20, 1, 2, 3, 4, 5, 6]);
+    let rest = [
+        frame(&[0x21, 7, 8, 9, 10, 11, 12, 13]),
+        frame(&[0x22, 14, 15, 16, 17, 18, 19, 20]),
+    ];
+    rig.bus.set(|state| {
+        state.answers.extend(rest);
+        state.queues[0].push_back(first);
+    });
+    let received = rig.received.recv_timeout(LONG).unwrap();
+    assert_eq!(received, Vec::from_iter(1..=20));
     rig.close();
 }

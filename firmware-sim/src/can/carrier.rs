@@ -202,7 +202,7 @@ struct Carrier<A: Above> {
 }
 
 impl<A: Above> Carrier<A> {
-    /// Sends due frames, then waits for events and handles them. False: the carrier ends.
+    /// Sends a due frame, then waits for events and handles them. False: the carrier ends.
     fn turn(&mut self) -> bool {
         self.feed();
         let due = match self.restart().and_then(|()| self.push()) {
@@ -312,31 +312,30 @@ impl<A: Above> Carrier<A> {
         }
     }
 
-    /// Sends frames within pace and queue. Returns when to go on, if a frame waits.
+    /// Sends a due frame within pace and queue. Returns when to go on, if a frame waits or another
+    /// may be due. Frames that arrived while the bus blocked come before any time-out.
     fn push(&mut self) -> io::Result<Option<Instant>> {
-        loop {
-            let now = Instant::now();
-            if self.frame.is_none() {
-                // Either a frame or a timer is due; for a timer, `next_frame` returns none.
-                if self.node.wake_at().is_none_or(|at| at > self.now_us(now)) {
-                    return Ok(None);
-                }
-                if let Some(free) = self.pace.until(now) {
-                    return Ok(Some(free));
-                }
-                self.frame = self.node.next_frame(self.now_us(now));
-            }
-            let (Some(frame), Some(bus)) = (self.frame, &mut self.bus) else {
+        let now = Instant::now();
+        if self.frame.is_none() {
+            // Either a frame or a timer is due; for a timer, `next_frame` returns none.
+            if self.node.wake_at().is_none_or(|at| at > self.now_us(now)) {
                 return Ok(None);
-            };
-            if bus.send(&frame)? == Sending::Full {
-                return Ok(Some(now + self.pace.rates.duration(&frame).max(FULL)));
             }
-            self.frame = None;
-            self.pace.sent(&frame, now);
-            self.above.note(Note::Moved(frame.len.into()));
-            self.feed();
+            if let Some(free) = self.pace.until(now) {
+                return Ok(Some(free));
+            }
+            self.frame = self.node.next_frame(self.now_us(now));
         }
+        let (Some(frame), Some(bus)) = (self.frame, &mut self.bus) else {
+            return Ok(None);
+        };
+        if bus.send(&frame)? == Sending::Full {
+            return Ok(Some(now + self.pace.rates.duration(&frame).max(FULL)));
+        }
+        self.frame = None;
+        self.pace.sent(&frame, now);
+        self.above.note(Note::Moved(frame.len.into()));
+        Ok(Some(now))
     }
 
     fn restart(&mut self) -> io::Result<()> {
