@@ -148,7 +148,7 @@ const ALLOWED_USERS: &[(&str, &[&str])] = &[
         "std::fs::",
         &[
             "cli/ready",
-            "link/fault/book",
+            "link/fault/fault_log",
             "link/name",
             "live/host",
             "output",
