@@ -39,7 +39,7 @@ fn a_moving_thin_layer_gives_the_time_mean() {
         let light = lit(&view, layer(), &smeared);
         let (layer, optics) = (layer(), &view.camera.optics);
         let max = light.max_e;
-        const STEPS: usize = 200;
+        const STEPS: usize = 500;
         let turned = (0..STEPS).map(|i| {
             let part = (i as f64 + 0.5) / STEPS as f64 - 0.5;
             let pointing = view.pointing(part * view.exposure.duration_s);

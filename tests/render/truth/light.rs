@@ -50,9 +50,9 @@ impl Tally {
         let boxes: Vec<Box2> = boxes.collect();
         for (i, (object, region)) in objects().zip(&boxes).enumerate() {
             // Below a hundredth of an electron the background's last digit (float32) counts.
-            let bright = object.electrons >= 0.01;
+            let is_bright = object.electrons >= 0.01;
             let others = || boxes.iter().enumerate().filter(|(j, _)| *j != i);
-            if !bright || others().any(|(_, other)| region.meets(other)) {
+            if !is_bright || others().any(|(_, other)| region.meets(other)) {
                 continue;
             }
             let (light, centre) = seen.moments(region);

@@ -89,7 +89,7 @@ fn sunlit_part(at: Vector3<f64>) -> f64 {
     // limb).
     let stretch = |p: Vector3<f64>| Vector3::new(p.x, p.y, p.z * EQUATOR_KM / POLE_KM);
     let (mut free, mut all) = (0, 0);
-    const N: i32 = 200;
+    const N: i32 = 400;
     for i in -N..=N {
         for j in -N..=N {
             if i * i + j * j > N * N {
